@@ -11,8 +11,10 @@ import numpy as np
 import pytest
 from browsing import browser, open_page  # noqa: F401
 from hypothesis import HealthCheck, Phase, settings
+from matplotlib.figure import Figure
 from scipy.spatial.transform import Rotation
 from sweep_scenario import GRID, SCENARIO
+from texts import faults
 from warm import System, close
 
 from jointplay import JointplayError, Mechanism, Motion, RevoluteClearance, Simulation, simulate
@@ -93,6 +95,25 @@ def no_module_stays_imported():
     yield
     modules.imported.clear()
     modules.imported.update(kept)
+
+
+@pytest.fixture
+def checked_figures(monkeypatch):
+    """Every figure that is saved has texts that stand apart and inside, and units."""
+    checking, save = False, Figure.savefig
+
+    def checked(figure, *args, **options):
+        nonlocal checking
+        if not checking:  # which draws it
+            checking = True
+            wrong.extend(faults(figure))
+            checking = False
+        save(figure, *args, **options)
+
+    wrong = []
+    monkeypatch.setattr(Figure, "savefig", checked)
+    yield
+    assert not wrong
 
 
 @pytest.fixture(autouse=True, scope="session")

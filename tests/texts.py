@@ -10,7 +10,7 @@ from matplotlib.text import Text
 TOUCHING_PX = 1.5  # by which boxes of texts may overlap: the room of letters that hang below lines
 PLAIN = re.compile(
     r"pose|turns?( after settling)?|turn|runs|loaded elements|order \(.*|found / scenario|"
-    r"relative distance .*|\w+ - without unit"
+    r"relative distance .*|\w+ - without unit|.*friction|impacts|tolerance|turns of .*"
 )
 """Labels of what has no unit."""
 

@@ -191,6 +191,7 @@ def test_slow_dynamic_runs_keep_the_static_bound_but_for_penetration(three):
     assert seen.step == fitting_step(mechanism, q)
 
 
+@pytest.mark.usefixtures("checked_figures")
 def test_the_command_prints_the_table_and_writes_files(three, tmp_path, capsys):
     out = tmp_path / "out"
     order = ["allocate", str(three), "--clearance", "0.2 mm", "--target", "0.5 mm"]
@@ -543,6 +544,7 @@ def test_the_figure_shows_all_parts_and_prices(arm):
     assert prices == pytest.approx(100.0, rel=1e-9)
 
 
+@pytest.mark.usefixtures("checked_figures")
 def test_the_command_line_spends_on_causes(tmp_path, capsys):
     out = tmp_path / "out"
     options = ["allocate", "ur5", "--whole", "industrial", "--target", "2 mm", "--payload", "3 kg"]

@@ -301,6 +301,7 @@ def test_rows_of_the_table_have_the_names_of_their_poses(two):
     assert [row["pose"] for row in csv.DictReader(io.StringIO(table))] == ["home", "reach"]
 
 
+@pytest.mark.usefixtures("checked_figures")
 def test_the_command_prints_the_table_and_writes_the_files(two, tmp_path, capsys):
     out = tmp_path / "out"
     order = ["budget", str(two), "--clearance", "0.1 mm", "--workspace", "9", "--detail"]

@@ -504,6 +504,7 @@ def test_firmware_gets_nothing_for_a_joint_that_never_crosses(level):
         backlash.tables(backlash.corrected(compensate(simulated(machine(level)))), "linuxcnc")
 
 
+@pytest.mark.usefixtures("checked_figures")
 def test_the_command_writes_what_improves_and_refuses_what_it_cannot_do(level, tmp_path):
     motion = tmp_path / "m.csv"
     motion.write_text("time_s,j\n0,0\n0.4,0.05\n0.8,0\n")

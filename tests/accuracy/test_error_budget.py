@@ -157,6 +157,7 @@ def test_bars_show_parts_that_sum_to_the_worst_case_and_the_variance(robot):
     assert named == set(found.by("cause"))
 
 
+@pytest.mark.usefixtures("checked_figures")
 def test_the_command_line_prints_and_writes_it(tmp_path, capsys):
     out = tmp_path / "out"
     options = ["budget", "ur5", "--joint", "elbow_joint=6010/C3", "--whole", "industrial"]

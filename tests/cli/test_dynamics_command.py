@@ -33,6 +33,7 @@ SPEEDS = ["--vary", "motion.speeds.crank_pin=4000:5000:2 rpm"]
         ("basin", ["--grid", "2"], "of the starts"),
     ],
 )
+@pytest.mark.usefixtures("checked_figures")
 def test_each_kind_writes_its_table_and_figure(kind, more, says, tmp_path, capsys):
     assert dynamics(kind, tmp_path, *more) == 0
     assert says in capsys.readouterr().out

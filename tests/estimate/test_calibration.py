@@ -393,6 +393,7 @@ def table(poses, path):
     return written(path, head, rows)
 
 
+@pytest.mark.usefixtures("checked_figures")
 def test_the_command_prints_and_writes_what_the_function_finds(arm, tmp_path, capsys):
     truth = Truth(arm, 12).play(elbow=4e-3, transition=0.3).offset(elbow=0.01)
     path = table(truth.measured(), tmp_path / "poses.csv")
@@ -482,6 +483,7 @@ def test_what_a_urdf_and_a_preset_cannot_have_is_said(arm, tmp_path, capsys):
 
 
 @pytest.mark.thorough
+@pytest.mark.usefixtures("checked_figures")
 def test_the_command_tells_of_the_encoders_alone(arm, tmp_path, capsys):
     truth = Truth(arm, 13, n=30).play(elbow=4e-3, transition=0.3)
     head = [f"{j} motor [rad]" for j in JOINTS] + ["elbow link [rad]"]

@@ -196,6 +196,7 @@ def test_a_joint_that_slides_is_read_along_its_way(arm, tmp_path):
     assert "µm" in found.cells()[0]
 
 
+@pytest.mark.usefixtures("checked_figures")
 def test_the_command_plans_reads_writes_and_hands_on(arm, tmp_path, capsys):
     robot, out = str(arm.description.path), tmp_path / "plan"
     order = ["identify", robot, "--tool", "tool"]

@@ -247,11 +247,13 @@ def test_what_is_identified_is_a_preset_for_other_commands(geared, tmp_path, cap
 
 
 @pytest.mark.thorough
+@pytest.mark.usefixtures("checked_figures")
 def test_a_clearance_that_is_identified_goes_into_the_urdf(arm, tmp_path, capsys):
     data, out = tmp_path / "seen.csv", tmp_path / "worn.urdf"
     data.write_text(seen().csv())
     order = ["identify", str(arm), str(data), "--tool", "tool", "--joint", "j=0.05 mm", "--quiet"]
-    assert main([*order, "--urdf", str(out)]) == 0
+    assert main([*order, "--urdf", str(out), "--out", str(tmp_path / "found")]) == 0
+    assert (tmp_path / "found" / "identified.png").is_file()
     assert f"written: {out}" in capsys.readouterr().out
     worn = Mechanism(out)
     assert {"j.x", "j.y", "j.z", "j"} <= set(worn.joints)

@@ -16,7 +16,7 @@ import xarray as xr
 from conftest import body, joint
 
 import jointplay as jp
-from jointplay import JointplayError
+from jointplay import JointplayError, cli
 from jointplay.base import objects, schema
 from jointplay.base.files import MOST_TEXT, csv_rows, names_for
 from jointplay.base.units import convert
@@ -344,6 +344,23 @@ def test_an_output_that_takes_nothing_is_an_error_of_one_line(tmp_path):
     assert done.returncode == 1
     assert done.stderr == "jointplay: error: cannot print: No space left on device\n"
     assert (tmp_path / "o" / "result.nc").is_file()
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("command", ["budget", "allocate --target 1mm"])
+def test_files_are_written_though_the_reader_of_the_answer_goes_away(
+    command, tmp_path, monkeypatch, capfd
+):
+    read, write = os.pipe()
+    os.close(read)  # as `head` does once it has its lines
+    name, *options = command.split()
+    with os.fdopen(write, "w", buffering=1) as out:
+        monkeypatch.setattr(sys, "stdout", out)
+        folder = tmp_path / name
+        arguments = [name, "ur5", *options, "--clearance", "0.1 mm", "--out"]
+        assert cli.main([*arguments, str(folder)]) == 0
+    assert len([*folder.iterdir()]) > 1
+    assert "rror" not in capfd.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -1,10 +1,12 @@
 """Every figure of four machines: texts apart, inside, with units; colours that all can tell."""
 
-from itertools import pairwise
+from itertools import pairwise, product
 
 import numpy as np
 import pytest
+from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
+from mpl_toolkits.mplot3d.proj3d import proj_transform
 from texts import faults
 
 import jointplay as jp
@@ -18,6 +20,8 @@ from jointplay.show.picture import picture
 from jointplay.show.plots import design, drawings, figures, palette
 from jointplay.show.plots.chart import Axis, Chart, Panel, Words
 from jointplay.show.plots.draw import draw
+from jointplay.show.plots.style import style
+from jointplay.show.reports import cases, pdf, runs
 
 
 def arm(name, joints, duration="4 ms"):
@@ -49,11 +53,11 @@ MACHINES = {
 }
 
 
-def drawn(cases):
+def drawn(results):
     """Name and figure of all that is drawn of runs and of their machine."""
-    for name, chart in figures._charts(cases):
+    for name, chart in figures._charts(results):
         yield name, draw(chart)
-    result = list(cases.values())[-1]
+    result = list(results.values())[-1]
     for name in result.plot.available:
         yield name, getattr(result.plot, name)()
     mechanism, poses = result.simulation.mechanism, result["q"].values[[0, len(result.time) // 2]]
@@ -72,6 +76,18 @@ def test_no_text_of_a_machines_figures_covers_another_or_lacks_its_unit(machine)
         name: found for name, figure in drawn(MACHINES[machine]()) if (found := faults(figure))
     }
     assert not wrong
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("machine", ["so101", "slider-crank"])
+def test_the_first_page_of_a_reports_pdf_is_filled_and_its_texts_stand_apart(machine):
+    subject = cases.Runs(cases.build(MACHINES[machine](), lambda _: None))
+    with style("screen"):
+        page, _ = pdf._answer("Machine", list(runs.glance(subject)), 0.0)
+    assert not faults(page)
+    boxes = [axes.get_tightbbox() for axes in page.findobj(Axes) if axes.axison]
+    assert min(box.y0 for box in boxes) < 0.25 * page.bbox.y1
+    assert min(box.x0 for box in boxes) > 0.04 * page.bbox.x1
 
 
 def test_wrong_texts_are_found():
@@ -101,6 +117,18 @@ def test_words_of_a_robots_joints_stand_apart():
     figure = picture(robot, poses[0])
     assert len(figure.axes[0].texts) == len(names) + 1
     assert not faults(figure)
+
+
+def test_a_small_picture_of_a_tall_arm_has_room_for_its_numbers_and_its_box():
+    robot = jp.Mechanism(robot_urdf("ar4"))
+    figure = picture(robot, size_in=(4.4, 3.6))
+    assert not faults(figure)
+    axes = figure.axes[0]
+    limits = (axes.get_xlim(), axes.get_ylim(), axes.get_zlim())
+    corners = proj_transform(*np.array([*product(*limits)]).T, axes.get_proj())[:2]
+    shares = axes.transLimits.transform(np.column_stack(corners))
+    assert shares.min() > -0.01
+    assert shares.max() < 1.01
 
 
 def test_a_budget_by_gears_names_their_joints_in_the_picture():

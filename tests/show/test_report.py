@@ -99,6 +99,21 @@ def test_numbers_are_those_of_the_results(page, folder):
 
 
 @pytest.mark.thorough
+def test_a_planar_machine_has_no_charts_of_zeros_and_no_empty_columns(tmp_path):
+    scenario = jp.Scenario.load("jointplay:slider_crank.toml")
+    integration = {"duration": "0.01 s"}
+    result = scenario.simulation("0.2 mm", {"integration": integration}).run(estimate=False)
+    reports.report({"crank": result}, tmp_path / "a.html", impacts=0, pdf=False)
+    text = (tmp_path / "a.html").read_text(encoding="utf-8")
+    idle = re.search("No force acts along ([xyz])", text)[1]
+    drawn = {axis for axis in "xyz" if f'id="chart-force_{axis}"' in text}
+    assert drawn == set("xyz") - {idle}
+    assert 'id="chart-tilt"' not in text
+    assert '<th scope="col">case</th>' not in text
+    assert '<th scope="col">axis</th>' in text
+
+
+@pytest.mark.thorough
 def test_balls_oil_and_wear_without_a_motion(urdf, tmp_path):
     path = urdf(
         body("a"), body("b", com="0.1 0 0"), joint("one", "base", "a"),
@@ -150,7 +165,7 @@ def test_a_glance_shows_errors_and_marks_uncertain_figures(folder, tmp_path, err
     reports.report({"0.2 mm": result}, tmp_path / "a.html", impacts=0, pdf=False)
     text = (tmp_path / "a.html").read_text(encoding="utf-8")
     seen = text[text.index('id="glance"') : text.index("<h2>Parameters")]
-    assert f"± {error:.0f}" in seen
+    assert f"±\u00a0{error:.0f}" in seen
     assert (">uncertain</strong>" in seen) == marked
     assert ("compare designs" in seen) == marked
 

@@ -1,15 +1,19 @@
 """The page on a sweep."""
 
 import dataclasses
+import json
 import re
 
 import numpy as np
 import pytest
+import xarray as xr
 from sweep_scenario import SCENARIO
 
 import jointplay as jp
 from jointplay.cli import main
 from jointplay.show.reports import sweep_report
+from jointplay.simulation.analysis.uncertainty import IntervalEstimate
+from jointplay.study import sweep_table
 
 AXES = """
 clearance = { key = "joints.joint_b.radial_clearance", values = [0, "0.2 mm", "1 nm"] }
@@ -33,6 +37,7 @@ def grid(tmp_path_factory):
     return swept(tmp_path_factory.mktemp("grid"), AXES, "repeats = 2")
 
 
+@pytest.mark.usefixtures("checked_figures")
 def test_the_page_has_table_lines_maps_and_failed_cases(grid, tmp_path):
     page = tmp_path / "p.html"
     assert main(["report", str(grid), "-o", str(page), "--quiet"]) == 0
@@ -50,6 +55,36 @@ def test_the_page_has_table_lines_maps_and_failed_cases(grid, tmp_path):
     assert f"{found:.4g}\u00a0±\u00a00" in source  # the ideal joint's: all runs the same
     assert source.count("data:image/svg+xml") >= 5
     assert (tmp_path / "p.pdf").read_bytes()[:5] == b"%PDF-"
+
+
+def test_what_is_varied_is_known_by_its_key_however_the_axis_is_written():
+    axes = {
+        "joints.b.radial_clearance": [1e-4, 2e-4],
+        "speed": {"keys": ["motion.speeds.O", "motion.speeds.P"], "from": 1.0, "to": 2.0},
+        "gravity": {"key": "environment.gravity", "values": [0]},
+        "joints.b.friction.mu_d": {"from": 0.0, "to": 0.1},
+        "law": {"variants": {"soft": {"contact": {}}}},
+    }
+    dataset = xr.Dataset(attrs={"sweep": json.dumps({"axes": axes})})
+    assert sweep_table.varied_keys(dataset) == {
+        "joints.b.radial_clearance", "motion.speeds.O", "motion.speeds.P", "environment.gravity",
+        "joints.b.friction.mu_d", "contact",
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("value", "half", "text"),
+    [
+        (282.0, 391.0, "280 ± 390"),
+        (53.083, 0.0518, "53.08 ± 0.05"),
+        (53.083, 1e-5, "53.08 ± 0.01"),
+        (3.159e-3, 3.4e-5, "0.003159 ± 0.000034"),
+        (0.0, 0.0, "0 ± 0"),
+    ],
+)
+def test_a_mean_has_no_more_digits_than_its_interval_leaves_it(value, half, text):
+    estimate = IntervalEstimate(value, value - half, value + half, 4)
+    assert estimate.plus_minus.replace("\u00a0", " ") == text
 
 
 def test_a_sweep_is_answered_on_the_first_screens(tmp_path, open_page):
@@ -71,6 +106,7 @@ def test_a_sweep_is_answered_on_the_first_screens(tmp_path, open_page):
     assert all(one.is_visible() for one in tab.locator("main img").all())
 
 
+@pytest.mark.usefixtures("checked_figures")
 def test_the_page_of_samples_has_their_distributions(tmp_path):
     store = swept(tmp_path, SAMPLED, "samples = 8")
     assert main(["report", str(store), "--quiet", "--no-pdf"]) == 0

@@ -347,6 +347,7 @@ def test_a_map_is_over_parameters_of_a_controller_too():
 
 
 @pytest.mark.thorough
+@pytest.mark.usefixtures("checked_figures")
 def test_a_map_shows_where_play_hunts_and_where_gains_do(tmp_path):
     found = hunting.gain_map(
         axis(100.0), ("p_gain", np.array([20.0, 300.0])), ("d_gain", np.array([0.0, 8.0])),

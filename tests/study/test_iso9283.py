@@ -312,6 +312,7 @@ def test_what_has_no_such_figures_is_refused(arm, make, count, says):
         iso9283(make(arm), count)
 
 
+@pytest.mark.usefixtures("checked_figures")
 def test_the_command_writes_table_figures_and_goes_on(arm, tmp_path, capsys):
     motion = tmp_path / "motion.csv"
     motion.write_text("time_s,a\n0,0\n0.05,0.02\n0.1,0.02\n")

@@ -4,9 +4,9 @@ import dataclasses
 
 import numpy as np
 import pytest
-from warm import call
 
 import jointplay as jp
+from jointplay.cli import main
 from jointplay.cli.commands.init import LINKAGES
 from jointplay.scenario import Scenario
 from jointplay.study import reviews
@@ -71,18 +71,16 @@ def test_perturbed_starts_have_the_spread_of_their_runs(simulation):
     np.testing.assert_allclose(found.curves["tool error"][1], own)
 
 
-def test_run_draws_each_for_print(tmp_path):
+@pytest.mark.usefixtures("checked_figures")
+def test_run_draws_each_for_print(tmp_path, monkeypatch, capsys):
     path = tmp_path / "crank.toml"
     text = LINKAGES["slider-crank"].read_text(encoding="utf-8")
     path.write_text(text.replace('"0.2 s"', '"0.04 s"'), encoding="utf-8")
-    done = call(
-        *("run", "crank.toml", "--out", "out", "--no-figures", "--no-error-estimate"),
-        *("--converge", "--laws", "hertz,flores", "--ensemble", "3"),
-        cwd=tmp_path,
-    )
-    assert done.returncode == 0, done.stderr
+    monkeypatch.chdir(tmp_path)
+    order = ["run", "crank.toml", "--out", "out", "--no-figures", "--no-error-estimate"]
+    assert main([*order, "--converge", "--laws", "hertz,flores", "--ensemble", "3"]) == 0
     for name in ("converge", "laws", "ensemble"):
         picture = (tmp_path / "out" / f"crank_{name}.pdf").read_bytes()
         assert picture.startswith(b"%PDF")
         assert b"/FontFile" in picture or b"TrueType" in picture
-    assert "3 perturbed starts" in done.stdout
+    assert "3 perturbed starts" in capsys.readouterr().out

@@ -73,6 +73,7 @@ def test_a_run_up_that_cannot_be_is_refused(speeds, more, words, tmp_path, capsy
     assert words in capsys.readouterr().err
 
 
+@pytest.mark.usefixtures("checked_figures")
 def test_the_command_draws_a_run_up(tmp_path, capsys):
     options = ["--keep", "6", "--leave-out", "1", "--records", "100", "--window", "2"]
     options += ["--orders", "10", "--quiet", "--jobs", "1"]

@@ -150,6 +150,7 @@ def test_the_table_has_a_row_for_every_point_and_own_measures(done):
         ["x=clearance", "y=friction", "z=tool_error_rms_total"],
     ],
 )
+@pytest.mark.usefixtures("checked_figures")
 def test_figures_of_sweeps_are_drawn(words, done, tmp_path, capsys):
     out = tmp_path / "f.png"
     assert main(["plot", str(done[0]), *words, "--out", str(out)]) == 0
@@ -285,6 +286,7 @@ def test_a_sweep_stops_by_itself_when_the_precision_is_reached(swept, tmp_path):
     assert again.sizes["sample"] == number
 
 
+@pytest.mark.usefixtures("checked_figures")
 def test_sobol_indices_are_printed_of_a_saltelli_design(swept, tmp_path, capsys):
     pytest.importorskip("SALib")
     path = swept(SAMPLED, 'samples = 8\nsampling = "saltelli"', "20 ms")

@@ -6,7 +6,7 @@ import sys
 import tempfile
 import threading
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from typing import Any
 
@@ -40,6 +40,35 @@ class _Plain:
         return getattr(self._stream, name)
 
 
+class _Output(_Plain):
+    """Standard output that ends no work: files are written whether or not it can be printed on."""
+
+    def __init__(self, stream: Any) -> None:
+        super().__init__(stream)
+        self.failure: OSError | None = None  # after which nothing is printed
+
+    def write(self, text: str) -> int:
+        self._attempt(lambda: self._stream.write(text.translate(_SHOWN)))
+        return len(text)
+
+    def flush(self) -> None:
+        self._attempt(self._stream.flush)
+
+    def _attempt(self, act: Callable[[], Any]) -> None:
+        if self.failure is None:
+            try:
+                act()
+            except OSError as failure:
+                self.failure = failure
+                silence(self._stream)
+
+    def finish(self) -> None:
+        """Print what is left; raise what failed, unless the reader, such as `head`, went away."""
+        self.flush()
+        if self.failure is not None and not isinstance(self.failure, BrokenPipeError):
+            raise self.failure
+
+
 class _Forgiving(_Plain):
     """Standard error that nothing fails for: no run is lost because no one can be told of it."""
 
@@ -56,18 +85,20 @@ class _Forgiving(_Plain):
 
 
 @contextmanager
-def forgiving() -> Iterator[None]:
-    """Within the block standard error takes everything, and both streams any character."""
+def forgiving() -> Iterator[_Output]:
+    """Within the block both streams take everything, and any character; gives standard output."""
     _open()
     out, before = sys.stdout, sys.stderr
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="backslashreplace")
-    sys.stdout = _Plain(out)  # type: ignore[assignment]
+    output = _Output(out)
+    sys.stdout = output  # type: ignore[assignment]
     sys.stderr = _Forgiving(before)  # type: ignore[assignment]
     try:
-        yield
+        yield output
     finally:
+        output.flush()
         with suppress(OSError, ValueError):
             before.flush()
         if getattr(before, "buffer", None) is not None and full(before):

@@ -145,7 +145,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     stopped early (kept as far as it came). 2: wrong input. 3: an alarm of `identify`. 130: told
     to stop by Ctrl-C, SIGTERM or SIGHUP before all was computed (likewise kept).
     """
-    with streams.forgiving():
+    with streams.forgiving() as output:
         try:
             typed = sys.argv[1:] if arguments is None else arguments
             if arguments is None:  # a process of our own
@@ -156,17 +156,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
             options = command.parse_args(typed)
             with signals.listening():
                 status = _command(command, options)
-            sys.stdout.flush()  # what cannot be written must show here
+            output.finish()  # what cannot be written must show here
             return status
-        except BrokenPipeError:  # the reader, such as `head`, has seen enough
-            streams.silence(sys.stdout)
-            return STOPPED
         except OSError as error:  # of a file that has a name, else standard output on a full disk
             full = error.errno in (errno.ENOSPC, errno.EFBIG, errno.EDQUOT)
-            what = "cannot print" if full or streams.full(sys.stdout) else "the system reports"
+            what = "cannot print" if full or error is output.failure else "the system reports"
             if error.filename:
                 what = f"cannot use {str(error.filename)!r}"
-            streams.silence(sys.stdout)
             print(f"jointplay: error: {what}: {one_line(error.strerror or error)}", file=sys.stderr)
             return STOPPED
         except KeyboardInterrupt:  # once more, while ending

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -47,7 +48,10 @@ too small to be seen is left out (judged)."""
 _SMALLEST_DETAIL = 1.0 / 300.0
 """That is drawn, relative to the mechanism's size: some two pixels."""
 _FARTHEST_M = 1e6  # from the origin; shapes that reach farther are mistakes of scale (judged)
-_MOST_NUMBERS = 10.0  # along an axis as long as the longest, if there were room for all (judged)
+_ZOOM = 1.1  # of the box of axes, unless it leaves the picture then
+_MOST_NUMBERS = 1.8
+"""Along the longest axis for each inch of the picture's shorter side, of which it takes 0.6;
+numbers of 7 pt are 0.3 in wide (judged by pictures of the shipped robots)."""
 _FLAT_HEIGHT = 0.4
 """Relative to the largest extent: a mechanism that is less high is seen from further above. The
 shipped linkages have 0.09 to 0.18, a UR5 that lies stretched out 0.22, the others 0.5 and more."""
@@ -146,15 +150,19 @@ def picture(
     room = 0.08 * float((high - low).max())
     low, high = low - room, high + room
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
-    axes.set_box_aspect(high - low, zoom=1.1)
+    axes.set_box_aspect(high - low, zoom=_ZOOM)
     axes.view_init(azim=view[0], elev=view[1])
+    corners = proj_transform(*np.array([*product(*zip(low, high, strict=True))]).T, axes.get_proj())
+    reach = np.abs(axes.transLimits.transform(np.column_stack(corners[:2])) - 0.5).max() / 0.5
+    axes.set_box_aspect(high - low, zoom=_ZOOM / max(1.0, reach))
     axes.set(xlabel="x [m]", ylabel="y [m]")
     axes.set_zlabel("z [m]", labelpad=10.0)  # a short side's numbers stand farther out
     axes.tick_params(labelsize=7)
     shares = (high - low) / float((high - low).max())
     for axis, share in zip((axes.xaxis, axes.yaxis, axes.zaxis), shares, strict=True):
         # Numbers along a short side would cover each other.
-        axis.set_major_locator(MaxNLocator(int(np.clip(_MOST_NUMBERS * share, 1, 4))))
+        count = int(np.clip(_MOST_NUMBERS * min(size_in) * share, 1, 4))
+        axis.set_major_locator(MaxNLocator(count, min_n_ticks=1))
         axis.pane.set_alpha(0.15)
     axes.set_title(title, fontsize=11)
     if scale is not None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Callable, Mapping
 from contextlib import suppress
@@ -86,6 +87,18 @@ def table(dataset: xr.Dataset, rows: int = 20) -> str:
     return (
         f"{text}\n{int(np.count_nonzero(status != NOT_RUN))} cases, {cost:.3g} s of processor time"
     )
+
+
+def varied_keys(dataset: xr.Dataset) -> set[str]:
+    """Keys of the scenario that the axes change; an axis that names none is named like its key."""
+    keys: set[str] = set()
+    for name, axis in json.loads(dataset.attrs["sweep"])["axes"].items():
+        table = axis if isinstance(axis, dict) else {}
+        named = table.get("keys", table.get("key", name))
+        if variants := table.get("variants"):
+            named = [key for changes in variants.values() for key in changes]
+        keys |= {named} if isinstance(named, str) else {*named}
+    return keys
 
 
 def columns_of(dataset: xr.Dataset) -> list[tuple[str, str, float]]:

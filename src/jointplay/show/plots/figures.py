@@ -28,7 +28,7 @@ from jointplay.simulation.result.result import AXES, Result
 _LEGEND_COLUMNS = 3
 _ORBITS = 3  # columns of a legend, and of orbits, at most
 _HEADROOM = 1.2  # above a named peak, relative to it: a line of words (judged)
-_STILL = 1e-6  # motion along an axis relative to the largest, below which there is none
+_STILL = 1e-6  # motion or force along an axis relative to the largest, below which there is none
 
 
 def coloured(cases: Cases) -> list[tuple[str, Result, str]]:
@@ -227,6 +227,21 @@ def force_panels(cases: Cases, axis: str) -> list[Panel]:
     return panels
 
 
+def loaded_axes(cases: Cases) -> list[str]:
+    """World axes along which joints carry a force in any of the cases; all, if along none."""
+    largest = {
+        axis: max(
+            float(np.abs(mark.y).max(initial=0.0))
+            for panel in force_panels(cases, axis)
+            for mark in panel.marks
+            if isinstance(mark, Curve)
+        )
+        for axis in AXES
+    }
+    loaded = [axis for axis, force in largest.items() if force > _STILL * max(largest.values())]
+    return loaded or list(AXES)
+
+
 def joint_force(cases: Cases, axis: str) -> Chart:
     """Force in a joint along a world axis over time, a panel a case and joint (Figures 13-15).
 
@@ -415,6 +430,9 @@ _NEEDS: dict[str, Callable[[Cases], Any]] = {
     "journal_orbit": joints_of,
     "overview": lambda cases: any(map(has_play, cases.values())),
     "tool_path": lambda cases: not is_straight(cases),
+    "force_x": lambda cases: "x" in loaded_axes(cases),
+    "force_y": lambda cases: "y" in loaded_axes(cases),
+    "force_z": lambda cases: "z" in loaded_axes(cases),
     "bearing_loads": lambda cases: any(
         analysis.rolls(result, joint) for result in cases.values() for joint in result.joints
     ),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import math
 import os
 import re
 import textwrap
@@ -146,10 +147,17 @@ class StyledFigure(Figure):
         return buffer.getvalue()
 
 
+_NEAR = 2.5  # ends of an axis relative to each other, between which all digits have numbers
+
+
 class Decades(LogFormatterSciNotation):
     """Labels of a logarithmic axis as plain text, 10⁻³: text here is not parsed for formulas."""
 
     def __call__(self, x: float, pos: int | None = None) -> str:
+        axis: Any = self.axis
+        low, high = axis.get_view_interval()
+        if high > _NEAR * low and f"{x:.0e}"[0] not in "125":  # 3 and 4 would touch
+            return ""
         formula = super().__call__(x, pos)
         raised = re.sub(r"\^\{(.*?)\}", lambda found: found[1].translate(_RAISED), formula)
         return re.sub(r"\$|\\mathdefault|[{}]", "", raised).replace(r"\times", "·")
@@ -164,7 +172,7 @@ def logarithmic(panel: Axes, axes: str) -> None:
         getattr(panel, f"set_{name}scale")("log")
         axis = getattr(panel, f"{name}axis")
         axis.set_major_formatter(Decades())
-        axis.set_minor_formatter(Decades(minor_thresholds=(1.0, 0.4)))
+        axis.set_minor_formatter(Decades(minor_thresholds=(1.0, math.log10(_NEAR))))
 
 
 def literal(panel: Axes) -> None:

@@ -13,7 +13,7 @@ from typing import Any
 
 from jointplay.base.tables import Column, Table, counted
 from jointplay.show.plots.chart import Chart, Panel
-from jointplay.show.reports.html import Html
+from jointplay.show.reports.html import Html, text
 
 SHOWN = 3  # rows of long tables, and points of long lists, that are not folded (judged)
 
@@ -48,7 +48,7 @@ class Grid:
             sizes = [-math.inf if v is None else float(v) for v in _column(worst, rows).values]
             rows = [rows[k] for k in sorted(range(len(rows)), key=lambda k: -sizes[k])]
         columns = (_column(head, rows) for head in rows[0])
-        filled = [column for column in columns if any(v is None or str(v) for v in column.values)]
+        filled = [column for column in columns if any(v is None or text(v) for v in column.values)]
         return cls.of_table(Table(filled), left, **fields)
 
     @classmethod

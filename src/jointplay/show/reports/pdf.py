@@ -8,6 +8,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
 from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.figure import Figure
 from matplotlib.image import imread
@@ -30,9 +31,13 @@ from jointplay.show.reports.parts import (
 )
 
 _A4_IN = (8.27, 11.69)
-_LINE_IN, _ROW_IN, _MAIN_IN, _PICTURE_IN = 0.165, 0.21, 4.2, 3.0
+_LINE_IN, _ROW_IN, _MAIN_IN, _PICTURE_IN = 0.165, 0.21, 3.2, 2.4
 """Heights of a line of 8.5 pt, of a row of a table, of figure and picture (judged)."""
-_LETTERS, _ASIDE, _TITLE = 128, 40, 70  # of a line, of one beside the figure, of a title (judged)
+_LETTERS, _ASIDE, _TITLE = 122, 38, 64  # of a line, of one beside the figure, of a title (judged)
+_MARGIN_IN = 0.5  # of the page: what printers leave blank, and more (judged)
+_FURTHER, _FURTHER_IN = 2, 2.2
+"""Panels of further charts on the first page, and the height that they need (judged)."""
+_LETTERS_AN_INCH = 13  # of a title of 9 pt (judged)
 _COLUMNS, _NAMES = 3, 3  # of panels side by side, and of legends
 
 
@@ -41,11 +46,12 @@ def pdf(title: str, blocks: Sequence[tuple[Block, Sequence[Part]]], start: float
     content = io.BytesIO()
     with style("screen"), PdfPages(content) as pages:  # which embeds typefaces when it is closed
         pages.infodict()["Title"] = title
-        pages.savefig(_answer(title, blocks[0][1], start))
+        answer, shown = _answer(title, blocks[0][1], start)
+        pages.savefig(answer)
         for block, parts in blocks:
-            charts = list(_charts(parts, start))
-            for chart in charts[1:] if block is blocks[0][0] else charts:
-                pages.savefig(draw(replace(chart, title=f"{block.title}: {chart.title}")))
+            for chart in _charts(parts, start):
+                if chart.title not in shown or block is not blocks[0][0]:
+                    pages.savefig(draw(replace(chart, title=f"{block.title}: {chart.title}")))
     return content.getvalue()
 
 
@@ -71,8 +77,9 @@ def _chart(graph: Graph, start: float) -> Chart:
     return Chart(rows, size, graph.title, same_x=graph.stacked, **look)
 
 
-def _answer(title: str, parts: Sequence[Part], start: float) -> Figure:
-    """The sentences; the first chart and, beside it, what is assumed; the figures, the machine."""
+def _answer(title: str, parts: Sequence[Part], start: float) -> tuple[Figure, list[str]]:
+    """The sentences; the first chart and, beside it, what is assumed; the figures, the machine; of
+    the further charts those for which there is room. Also the titles of the charts."""
     first = next((k for k, part in enumerate(parts) if isinstance(part, Beside)), len(parts))
     titles = textwrap.wrap(title, _TITLE)
     above = _lines(parts[:first], _LETTERS)
@@ -81,39 +88,59 @@ def _answer(title: str, parts: Sequence[Part], start: float) -> Figure:
     grids = [part for part in flat(parts) if isinstance(part, Grid)]
     images = [part.content for part in flat(parts) if isinstance(part, Drawing)]
     pictures = [image for image in images if isinstance(image, bytes)]
-    chart = next(_charts(parts, start), None)
+    charts = list(_charts(parts, start))
     rows = max((len(grid.rows) + 1 for grid in grids), default=0)
     heights = [
         0.3 + 0.25 * len(titles) + _LINE_IN * len(above),
-        max(_MAIN_IN if chart else 0.1, _LINE_IN * (len(aside) + 1)),
+        max(_MAIN_IN if charts else 0.1, _LINE_IN * (len(aside) + 1)),
         max(_ROW_IN * rows, _PICTURE_IN if pictures else 0.1),
         _LINE_IN * (len(below) + 2),
     ]
-    heights += [max(_A4_IN[1] - sum(heights), 0.1)]  # what is left
-    figure = new_figure(_A4_IN[0], sum(heights))
-    rooms: Any = figure.subfigures(5, 1, height_ratios=heights)
+    left = max(_A4_IN[1] - 2.0 * _MARGIN_IN - sum(heights), 0.1)
+    further: list[Chart] = []
+    for chart in charts[1:] if left >= _FURTHER_IN else ():
+        if len(chart.rows) == 1 and sum(len(c.panels) for c in [*further, chart]) <= _FURTHER:
+            further.append(chart)
+    growing = [4] if further else [1, 2] if pictures else [1]  # what fills the page
+    heights = [h + (k in growing) * left / len(growing) for k, h in enumerate([*heights, 0.0])]
+    size = np.array([_A4_IN[0], sum(heights) + 2.0 * _MARGIN_IN])
+    figure = new_figure(*size)
+    edge = _MARGIN_IN / size
+    figure.get_layout_engine().set(rect=(*edge, *(1.0 - 2.0 * edge)))
+    rooms: Any = figure.subfigures(5, 1, height_ratios=np.maximum(heights, 0.1))
     heading: Any = {"fontsize": 13, "weight": "bold", "va": "top"}
-    rooms[0].text(0.03, 1.0 - 0.15 / heights[0], "\n".join(titles), **heading)
-    _write(rooms[0], above, heights[0], 0.3 + 0.25 * len(titles))
+    rooms[0].text(0.0, 1.0, "\n".join(titles), **heading)
+    _write(rooms[0], above, heights[0], 0.15 + 0.25 * len(titles))
     main, beside = rooms[1].subfigures(1, 2, width_ratios=[1.9, 1.0])
-    if chart:
-        main.suptitle(chart.title, fontsize=9)
-        grid = main.subplots(len(chart.rows), len(chart.rows[0]), squeeze=False)
-        for panel, axes in zip(chart.panels, grid.flat, strict=False):
-            draw_panel(panel, axes)
-        if chart.key:  # else it is in the panel
-            key(main, grid, 2, "outside lower center")
+    if charts:
+        _place(main, charts[0])
     _write(beside, aside, heights[1], 0.1)
-    widths = [1.0 + 0.9 * (len(grid.head) - 2) for grid in grids] + [1.0 for _ in pictures]
-    places = rooms[2].subplots(1, max(len(widths), 1), squeeze=False, width_ratios=widths or None)
+    widths = [1.0 + 0.9 * (len(grid.head) - 2) for grid in grids] + [1.0 for _ in pictures or (0,)]
+    places = rooms[2].subplots(1, len(widths), squeeze=False, width_ratios=widths)
     for axes in places.flat:
         axes.set_axis_off()
     for axes, grid in zip(places.flat, grids, strict=False):
         _write_table(axes, grid, rows * _ROW_IN / heights[2])
     for axes, picture in zip(places.flat[len(grids) :], pictures, strict=False):
         axes.imshow(imread(io.BytesIO(picture)))
+        axes.set_anchor("N")
     _write(rooms[3], below, heights[3], 0.15)
-    return figure
+    across = [len(chart.panels) for chart in further] or [1]
+    parts_below = np.ravel(rooms[4].subfigures(1, len(across), width_ratios=across))
+    for room, chart in zip(parts_below, further, strict=False):
+        _place(room, chart)
+    return figure, [chart.title for chart in (*charts[:1], *further)]
+
+
+def _place(room: Any, chart: Chart) -> None:
+    """Draw a chart into a part of the page."""
+    letters = int(_LETTERS_AN_INCH * room.bbox.width / room.dpi)
+    room.suptitle(textwrap.fill(chart.title, letters), fontsize=9)
+    grid = room.subplots(len(chart.rows), len(chart.rows[0]), squeeze=False)
+    for panel, axes in zip(chart.panels, grid.flat, strict=False):
+        draw_panel(panel, axes)
+    if chart.key:  # else it is in the panel
+        key(room, grid, 2, "outside lower center")
 
 
 def _lines(parts: Iterable[Part], letters: int) -> list[str]:
@@ -132,7 +159,7 @@ def _lines(parts: Iterable[Part], letters: int) -> list[str]:
 
 def _write(room: Any, lines: Sequence[str], high: float, above: float) -> None:
     for k, line in enumerate(lines):
-        room.text(0.03, 1.0 - (above + _LINE_IN * k) / high, line, va="top", fontsize=8.5)
+        room.text(0.0, 1.0 - (above + _LINE_IN * k) / high, line, va="top", fontsize=8.5)
 
 
 def _write_table(axes: Any, grid: Grid, high: float) -> None:

@@ -188,7 +188,7 @@ def _rattle(runs: Runs, case: Case) -> analysis.Rattle | None:
 
 def _marked(figure: CertifiedFigure) -> Html:
     pattern = '{} <strong class="warn">uncertain</strong>' if figure.marked else "{}"
-    return markup(pattern, figure.number)
+    return markup(pattern, figure.number.replace("± ", "±\u00a0"))  # a line may end before ±
 
 
 def _joint_forces(case: Case, start: float) -> dict[str, float]:
@@ -204,12 +204,12 @@ def _picture(runs: Runs) -> list[Part]:
     shown = next((case for case in runs.cases if analysis.has_play(case.result)), runs.cases[0])
     try:
         mechanism = shown.result.simulation.mechanism
-        labels = {
-            name: f"{name}\nplay {mechanism.clearance[name].play_words}"
-            if shown.alone
-            else f"{name}: play"
-            for name in shown.joints
-        }
+        loose = {n: gear.play for n, gear in mechanism.gears.items() if gear.play > 0.0}
+        units = mechanism.description.joints
+        sizes = {name: readable(play, units[name].unit) for name, play in loose.items()}
+        sizes |= {name: mechanism.clearance[name].play_words for name in shown.joints}
+        pattern = "{}\nplay {}" if shown.alone else "{}: play"
+        labels = {name: pattern.format(name, size) for name, size in sizes.items()}
         q, size_in = shown.result["q"].values[0], (4.4, 3.6)  # whose letters can be read
         figure, content = picture(mechanism, q, labels=labels, size_in=size_in), io.BytesIO()
     except JointplayError:  # such as a law of the user's own that may not be imported
@@ -217,8 +217,7 @@ def _picture(runs: Runs) -> list[Part]:
     with style("screen"):
         figure.savefig(content, format="png", dpi=150, bbox_inches="tight", pad_inches=0.05)
     places = [name for name, joint in mechanism.clearance.items() if joint.has_play]
-    gears = [name for name, gear in mechanism.gears.items() if gear.play > 0.0]
-    places += [f"the gear{'s' if len(gears) > 1 else ''} of {', '.join(gears)}"] if gears else []
+    places += [f"the gear{'s' if len(loose) > 1 else ''} of {', '.join(loose)}"] if loose else []
     play = f"play in {', '.join(places)}" if places else "nothing has play"
     title = f"{robot_of(shown.result)} at the start of the run; {play}"
     return [Drawing(title, content.getvalue())]
@@ -409,7 +408,7 @@ def bearings(runs: Runs) -> Iterator[Part]:
             timelines.append(replace(panel, y=axis, marks=[replace(row, name="") for row in rows]))
         yield from _graph(runs, f"{kind}s", f"Contact {kind}", timelines)
     yield from _shares(runs)
-    tilt = _of_joints(runs, "tilt")
+    tilt = _of_joints(runs, "tilt", where=lambda r, joint: bool(r["tilt"].sel(joint=joint).any()))
     yield from _graph(runs, "tilt", "Angle between the axes of journal and bearing", tilt)
     loaded = _of_joints(runs, "loaded", where=analysis.rolls)
     yield from _graph(runs, "loaded", "Balls or rollers that bear load", loaded)
@@ -495,7 +494,10 @@ def forces(runs: Runs) -> Iterator[Part]:
     ]
     if rows:
         yield from shortened(Grid.of_rows(rows, "largest force"), "joint")
-    for axis in AXES:
+    loaded = figures.loaded_axes(runs.detailed)
+    if idle := " and ".join(axis for axis in AXES if axis not in loaded):
+        yield paragraph(f"No force acts along {idle}.")
+    for axis in loaded:
         panels = figures.force_panels(runs.detailed, axis)
         title = f"Force in the joint along world {axis}"
         yield from _graph(runs, f"force_{axis}", title, panels, same=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import operator
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from typing import Any
@@ -24,7 +25,6 @@ from jointplay.show.reports.parts import (
     block,
     shortened,
 )
-from jointplay.simulation.analysis.uncertainty import IntervalEstimate
 from jointplay.study import sweep_table
 from jointplay.study.outcome import DONE, FAILED, NOT_RUN
 from jointplay.study.sweep_plan import SAMPLE
@@ -47,7 +47,7 @@ def glance(dataset: xr.Dataset) -> Iterator[Part]:
         means = (factor * dataset[name]).mean([*over], skipna=True).transpose(*dims)
         if np.isfinite(means.values).any():
             ends = [_extreme(dataset, means, find, unit) for find in (np.nanargmin, np.nanargmax)]
-            ranges.append(f"{name.replace('_', ' ')}: {' to '.join(dict.fromkeys(ends))}")
+            ranges.append(f"{_words(name)}: {' to '.join(dict.fromkeys(ends))}")
     yield from shortened(Points(ranges), "figure")
     status = dataset["status"].values
     counts: dict[str, Any] = {
@@ -59,8 +59,9 @@ def glance(dataset: xr.Dataset) -> Iterator[Part]:
     }
     if "warnings" in dataset:
         counts["runs with warnings"] = int((dataset["warnings"].values > 0).sum())
-    varied = {value for key, value in _inputs(dataset, True) if key.endswith(".key")}
-    fixed = [f"{key} {text}" for key, text in _inputs(dataset, False) if key not in varied]
+    varied = tuple(f"{key}." for key in sweep_table.varied_keys(dataset))
+    inputs = _inputs(dataset, False)
+    fixed = [f"{key} {text}" for key, text in inputs if not f"{key}.".startswith(varied)]
     values: list[Part] = [markup("<h3>The same in all cases</h3>"), Points(fixed[:_VALUES])]
     yield Beside([[Grid.of_cases("", [""], [counts])], values])
     yield from [*_lines(dataset), *_samples(dataset)][:_FIRST]
@@ -77,7 +78,7 @@ def _extreme(
     """The mean that `find` finds, and at which point of the grid."""
     place = np.unravel_index(int(find(means.values)), means.shape)
     where = [
-        f"{d.replace('_', ' ')} {sweep_table.coordinate_text(dataset, d, int(k))} "
+        f"{_words(d)} {sweep_table.coordinate_text(dataset, d, int(k))} "
         f"{sweep_table.scale(dataset, d)[1]}"
         for d, k in zip(map(str, means.dims), place, strict=True)
         if means.sizes[d] > 1
@@ -91,12 +92,7 @@ def cases(dataset: xr.Dataset) -> Iterator[Part]:
     """Means with half the width of their confidence intervals, at each point of the grid."""
     dims, over = sweep_table.grid(dataset)
 
-    def with_error(mean: IntervalEstimate) -> str | None:
-        half = 0.5 * (mean.high - mean.low)
-        error = f"\u00a0±\u00a0{half:.2g}" if math.isfinite(half) else ""
-        return f"{mean.value:.4g}{error}" if math.isfinite(mean.value) else None
-
-    value: Callable[[IntervalEstimate], Any] = with_error if over else lambda mean: mean.value
+    value = operator.attrgetter("plus_minus" if over else "value")
     points = sweep_table.points(dataset, _MOST_ROWS, value)
     caption = ""
     if over:
@@ -111,6 +107,10 @@ def _left_out(number: int, noun: str = "") -> Iterator[Part]:
         yield paragraph(f"{number} more {noun}are in the store.")
 
 
+def _words(name: str) -> str:
+    return name.replace("_", " ")
+
+
 def _varied(dataset: xr.Dataset) -> list[str]:
     """Dimensions of the grid with more than one value, the longest first."""
     dims = [d for d in sweep_table.grid(dataset)[0] if dataset.sizes[d] > 1]
@@ -120,7 +120,7 @@ def _varied(dataset: xr.Dataset) -> list[str]:
 def _known(dataset: xr.Dataset) -> dict[str, str]:
     """Measures that have values, and what they are called."""
     names = (name for name, _, _ in sweep_table.columns_of(dataset))
-    return {n: n.replace("_", " ") for n in names if np.isfinite(dataset[n].values).any()}
+    return {n: _words(n) for n in names if np.isfinite(dataset[n].values).any()}
 
 
 def _lines(dataset: xr.Dataset) -> Iterator[Drawing]:
@@ -130,7 +130,7 @@ def _lines(dataset: xr.Dataset) -> Iterator[Drawing]:
         few = (d for d in dims if d != x and dataset.sizes[d] <= plots.MOST_LINES)
         hue = next(few, None)
         for name, label in _known(dataset).items():
-            yield Drawing(f"{label} over {x}", plots.chart(dataset, x, name, hue))
+            yield Drawing(f"{label} over {_words(x)}", plots.chart(dataset, x, name, hue))
 
 
 def _samples(dataset: xr.Dataset) -> Iterator[Drawing]:
@@ -139,7 +139,7 @@ def _samples(dataset: xr.Dataset) -> Iterator[Drawing]:
         return
     for name, label in _known(dataset).items():
         for x in dataset.attrs["sampled"]:
-            yield Drawing(f"{label} over {x}", plots.chart(dataset, x, name))
+            yield Drawing(f"{label} over {_words(x)}", plots.chart(dataset, x, name))
         title = f"{label}: how it settles with the number of runs"
         yield Drawing(title, plots.convergence_chart(dataset, name, _PRECISION))
 
@@ -156,7 +156,9 @@ def maps(dataset: xr.Dataset) -> Iterator[Part]:
     dims = _varied(dataset)
     for name, label in _known(dataset).items() if len(dims) > 1 else ():
         x, y, *_ = dims
-        yield Drawing(f"{label} over {x} and {y}", plots.chart(dataset, x, y, z=name))
+        yield Drawing(
+            f"{label} over {_words(x)} and {_words(y)}", plots.chart(dataset, x, y, z=name)
+        )
 
 
 @block(BLOCKS, "Distributions")

@@ -44,6 +44,20 @@ class IntervalEstimate:
             return float("inf") if self.high != self.low or self.value != 0.0 else 0.0
         return 0.5 * (self.high - self.low) / abs(self.value)
 
+    @property
+    def plus_minus(self) -> str | None:
+        """The figure ± half the interval with two digits, itself with at most four."""
+        half, value = 0.5 * (self.high - self.low), self.value
+        if not math.isfinite(value):
+            return None
+        if not math.isfinite(half):
+            return f"{value:.4g}"
+        if half == 0.0 or value == 0.0:
+            return f"{value:.4g}\u00a0±\u00a0{half:.2g}"
+        last = max(math.floor(math.log10(half)) - 1, math.floor(math.log10(abs(value))) - 3)
+        places, half = max(-last, 0), max(half, 10.0**last)
+        return f"{round(value, -last):.{places}f}\u00a0±\u00a0{round(half, -last):.{places}f}"
+
     def text(self, scale: float, unit: str) -> str:
         """The figure with its interval, in the unit that is `scale` times smaller."""
         return f"{scale * self.value:.4g} {unit} [{scale * self.low:.4g}, {scale * self.high:.4g}]"
