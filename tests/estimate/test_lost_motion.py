@@ -215,3 +215,12 @@ def test_a_fine_dial_on_long_moves_has_an_interval_that_is_no_step_of_the_search
         (one,) = identify_lost_motion(gantry, fine).estimates
         held += one.low <= lost <= one.high
     assert held >= 11
+
+
+def test_joints_that_turn_and_joints_that_slide_are_named():
+    scara = Mechanism("scara", {})
+    with pytest.raises(JointplayError) as refusal:
+        plan_lost_motion(scara, [])
+    text = str(refusal.value)
+    assert "turn (joint_a, joint_b, joint_c) or slide (stroke), not both" in text
+    assert "--gear NAME" in text

@@ -1,6 +1,7 @@
 import pytest
 
 from jointplay import JointplayError, Scenario
+from jointplay.cli import main
 from jointplay.scenario.reading import Setting, given_by, parse, setting_texts, tree
 
 SCARA = "jointplay:scara.toml"
@@ -57,3 +58,16 @@ def test_later_settings_leave_the_values_of_earlier_ones_as_they_are():
     found = tree([first, parse("joints.a.bearing_material.young=1e9")])
     assert found["joints"]["a"]["bearing_material"]["young"] == 1e9
     assert material == {"young": 207e9}
+
+
+@pytest.mark.parametrize(
+    ("joint", "size"),
+    [
+        ("joint_b=20 H7/f7", "bearings 40 mm long"),
+        ("joint_b=0.1 mm", "bearings of 20 x 40 mm"),
+    ],
+)
+def test_of_a_bearing_what_nobody_gave_decides_where_it_rests(joint, size, capsys):
+    assert main(["budget", "scara", "--joint", joint, "--detail"]) == 0
+    printed = capsys.readouterr()
+    assert size in printed.out + printed.err

@@ -571,8 +571,13 @@ def plan_lost_motion(mechanism: Mechanism, joints: Sequence[str] = ()) -> LostMo
         if name not in known:
             raise MissingName("joint that moves", name, known)
     names = list(joints) or known
-    if len({entries[name].slides for name in names}) > 1:
-        raise JointplayError("joints that slide need a plan of their own: name them by --gear")
+    sliding = [name for name in names if entries[name].slides]
+    if 0 < len(sliding) < len(names):
+        turning = [name for name in names if name not in sliding]
+        raise JointplayError(
+            f"a table is of joints that turn ({few(turning)}) or slide ({few(sliding)}), not both: "
+            "name those to measure, in Python by joints, in the command line by --gear NAME"
+        )
     moves, notes = {}, []
     for name in names:
         slides = entries[name].slides

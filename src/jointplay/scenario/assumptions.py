@@ -163,7 +163,12 @@ def undecided_at_rest(
         known = given(origins, "joints", name) | ({sizes[0]} if joint.fitted and sizes else set())
         if len(sizes) == 2 and not known.issuperset(sizes):
             diameter, length = 2e3 * getattr(joint, sizes[0]), 1e3 * getattr(joint, sizes[1])
-            causes.append(f"bearings of {diameter:g} x {length:g} mm")
+            if sizes[0] in known:
+                causes.append(f"bearings {length:g} mm long")
+            elif sizes[1] in known:
+                causes.append(f"bearings of {diameter:g} mm")
+            else:
+                causes.append(f"bearings of {diameter:g} x {length:g} mm")
     if any(quantity == "stiffness" for _, quantity in mechanism.rules):
         causes.append(f"gears' stiffness by rule, to a factor of {SPREAD:g}")
     geared = set(mechanism.gears) - given(origins, "drives")
