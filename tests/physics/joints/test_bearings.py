@@ -267,6 +267,19 @@ def test_a_ring_comes_to_rest_where_one_ball_bears_all():
     assert state.wrench[:3] == pytest.approx(-force, abs=1e-6)
 
 
+def test_a_load_through_one_ball_leaves_the_ridge_between_the_places_beside_it():
+    """By symmetry nothing but rounding drove the search off it, too slowly."""
+    bearing = jp.BallBearing(
+        designation="6204", radial_clearance=1.1944264879221976e-05,
+        element_stiffness=9803940001.88117, ring_material="bearing-steel",
+    )  # fmt: skip
+    load = np.array([[-2.031045196529608e-15, 12.34974731453957, 0.0, 0.0, 0.0, 0.0]])
+    angles = 0.7853981785846457 + np.array([0.0, 1e-6])
+    (ridge, beside), found = bearing.rests(np.repeat(load, 2, axis=0), angles)
+    assert found.all()
+    assert ridge == pytest.approx(beside, abs=1e-9)
+
+
 def _moved(place, k, way):
     """A displacement with a little more along or about an axis of the outer ring."""
     move = way * np.eye(6)[k]
