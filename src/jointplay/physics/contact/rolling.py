@@ -281,8 +281,8 @@ _MOST_STEPS, _MOST_CUTS, _MOST_SHIFTS = 600, 40, 60
 """Steps, trials of each, and shifts of curvature, at most (judged)."""
 _ASIDE = 1e-3
 """Where a load points at an element, the search may climb the ridge between the places beside it
-and leave it by rounding alone: it begins anew so far off it, in sizes of `_size` (measured: any of 1e-7
-to 0.5 finds the same place of the load of tests/physics/joints/test_bearings.py)."""
+and leave it by rounding alone: it begins anew so far off it, in sizes of `_size` (measured: any of
+1e-7 to 0.5 finds the same place of the load of tests/physics/joints/test_bearings.py)."""
 _BALANCED, _ACCEPTED, _ROUNDING = 1e-11, 1e-8, 1e-14
 """Force that may be left over: aimed at, and accepted where rounding leaves no less, by the load;
 and by the sum of the elements' loads, which cancel each other but for rounding."""
