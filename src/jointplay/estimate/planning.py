@@ -53,7 +53,7 @@ _STRONG_WEIGHTS, _STRONGEST_N = 2.0, 100.0
 """Weights of the machine with which advice pushes, too, and the most [N] (judged: of 30 unknowns
 that 15 machines of benchmarks/truth/identify.py leave open it is what helps 8)."""
 POSES = 48
-"""Among which a plan chooses (measured: from 32 the widest of four robots' intervals is a fifth
+"""Among which a plan chooses (measured: from 32 the widest interval of a UR5's four plans is a fifth
 wider), and of a third as many advice after a measurement (with 32 it determines as many of these
 30)."""
 SIZES = (1.0, 0.4)
