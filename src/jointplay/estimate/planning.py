@@ -53,9 +53,9 @@ _STRONG_WEIGHTS, _STRONGEST_N = 2.0, 100.0
 """Weights of the machine with which advice pushes, too, and the most [N] (judged: of 30 unknowns
 that 15 machines of benchmarks/truth/identify.py leave open it is what helps 8)."""
 POSES = 48
-"""Among which a plan chooses (measured: from 32 the widest interval of four plans of a UR5 is a
-fifth wider), and of a third as many advice after a measurement (with 32 it determines as many of these
-30)."""
+"""Among which a plan chooses, and of a third as many advice after a measurement (measured: from 32
+the widest interval of four plans of a UR5 is a fifth wider; with 32 advice determines as many of
+these 30)."""
 SIZES = (1.0, 0.4)
 """Of a push, where play is to be told from elasticity."""
 _WAY = 0.5
