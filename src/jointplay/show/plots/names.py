@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from jointplay.base.errors import JointplayError
+from jointplay.model.linkage import DRAWN
 from jointplay.simulation import analysis
 
 if TYPE_CHECKING:
@@ -139,5 +140,6 @@ def title_of(results: Mapping[str, Result]) -> str:
 
 
 def robot_of(result: Result) -> str:
-    """The name of a run's robot: that of its URDF's file."""
-    return Path(str(analysis.inputs(result)["mechanism"]["urdf"]).rpartition(":")[2]).stem
+    """The name of a run's robot: that of its URDF's file; of a linkage the scenario's title."""
+    name = Path(str(analysis.inputs(result)["mechanism"]["urdf"]).rpartition(":")[2]).stem
+    return str(result.dataset.attrs.get("title") or name) if name == DRAWN else name
