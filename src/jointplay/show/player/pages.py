@@ -28,7 +28,7 @@ def policy(scripts: Iterable[str], connect: str = "") -> Markup:
     `connect`: what it may fetch besides, such as ``data:``.
     """
     digests = (hashlib.sha256(script.encode("utf-8")).digest() for script in scripts)
-    hashes = " ".join(f"'sha256-{base64.b64encode(one).decode('ascii')}'" for one in digests)
+    hashes = " ".join(f"'sha256-{base64.b64encode(digest).decode('ascii')}'" for digest in digests)
     rules = {
         "default-src": "'none'",
         "script-src": hashes,
@@ -96,10 +96,10 @@ def filled(
     package: str, title: str, style: str, contents: Any, block: bytes, scripts: list[str], more: str
 ) -> bytes:
     """The page of a package with meshcat's viewer in it; `more` is what it may fetch."""
-    loader = ChoiceLoader([PackageLoader(one, "static") for one in (package, _PACKAGE)])
-    made = Environment(loader=loader, autoescape=True, undefined=StrictUndefined)
-    run = [as_script(one) for one in scripts]
-    page = made.get_template("page.html").render(
+    loader = ChoiceLoader([PackageLoader(name, "static") for name in (package, _PACKAGE)])
+    environment = Environment(loader=loader, autoescape=True, undefined=StrictUndefined)
+    run = [as_script(script) for script in scripts]
+    page = environment.get_template("page.html").render(
         policy=policy(run, connect=more),
         title=title,
         style=as_script(style),
@@ -115,8 +115,8 @@ def licences() -> Markup:
     """Licences of meshcat's viewer and what it bundles, to stand in a comment of a page."""
     packages = json.loads((_VIEWER / "main.min.js.THIRD_PARTY_LICENSES.json").read_text("utf-8"))
     texts = (_VIEWER / "main.min.js.LICENSE.txt").read_text("utf-8") + "\n\n".join(
-        f"{one.get('name')} {one.get('version')}\n"
-        f"{one.get('licenseText') or one.get('license') or ''}"
-        for one in packages
+        f"{package.get('name')} {package.get('version')}\n"
+        f"{package.get('licenseText') or package.get('license') or ''}"
+        for package in packages
     )
     return Markup(texts.replace("--", "- -"))
