@@ -24,21 +24,21 @@ if TYPE_CHECKING:
     from jointplay.simulation.simulation import Simulation
 
 
-def own_file(name: str) -> str:
-    """The text of a file of the front end."""
-    return (resources.files("jointplay.show.live") / "static" / name).read_text("utf-8")
+_FRONT = resources.files("jointplay.show.live") / "static"
 
 
 def front() -> str:
     """The front end: a function of meshcat's viewer that gives ``mount``."""
-    parts = "\n".join((components(), static("chart.js"), own_file("robot.js"), own_file("live.js")))
+    parts = "\n".join(
+        (components(), static("chart.js"), static("robot.js", _FRONT), static("live.js", _FRONT))
+    )
     body = f'"use strict";\nconst {{THREE}} = MeshCat;\n{parts}\nreturn {{mount}};'
     return f"function jointplayLive(MeshCat) {{\n{body}\n}}"
 
 
 def style() -> str:
     """Of the front end, which touches nothing outside its own element."""
-    return f"{own_file('live.css')}\n.jp-live {{\n{static('chart.css')}}}"
+    return f"{static('live.css', _FRONT)}\n.jp-live {{\n{static('chart.css')}}}"
 
 
 def contents(state: State, simulation: Simulation, title: str) -> tuple[dict[str, Any], bytes]:

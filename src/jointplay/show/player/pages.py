@@ -7,6 +7,7 @@ import hashlib
 import json
 from collections.abc import Iterable
 from importlib import resources
+from importlib.resources.abc import Traversable
 from typing import Any
 
 from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
@@ -55,13 +56,13 @@ def as_data(json: str) -> Markup:
 
 _COMPONENTS = ("page.js", "tracks.js", "stage.js", "closeup.js", "rolling.js")
 _PACKAGE = "jointplay.show.player"
-_OWN = resources.files(_PACKAGE) / "static"
+_SHARED = resources.files(_PACKAGE) / "static"
 _VIEWER = resources.files("meshcat") / "viewer" / "dist"
 
 
-def static(name: str) -> str:
-    """The text of a file that several pages share."""
-    return (_OWN / name).read_text("utf-8")
+def static(name: str, folder: Traversable = _SHARED) -> str:
+    """The text of a page's file, by default of one that several pages share."""
+    return (folder / name).read_text("utf-8")
 
 
 def components() -> str:
