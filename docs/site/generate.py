@@ -11,11 +11,12 @@ from pathlib import Path
 import mkdocs_gen_files
 
 import jointplay
+from jointplay.base.tables import Table
 from jointplay.cli import parser, parsers
 from jointplay.cli.commands import GROUPS
 from jointplay.cli.options import full_help
 from jointplay.physics.contact import FILM_LAWS, FRICTION_LAWS, NORMAL_LAWS
-from jointplay.show.reports.assumptions import page_section
+from jointplay.show.reports.assumptions import all_assumptions
 
 sys.path.insert(0, str(Path(__file__).parent))
 from shown import PAGES, ROOT, answers
@@ -149,7 +150,8 @@ def law_tables():
 
 def assumptions():
     head = "# What reports assume\n\nAs reports state it for each run to which it applies.\n\n"
-    write("reference/assumptions.md", head + page_section())
+    table = Table.of_texts([("runs with", "assumed"), *all_assumptions()])
+    write("reference/assumptions.md", f"{head}{table.markdown()}\n")
 
 
 def script(name):

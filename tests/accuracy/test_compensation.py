@@ -29,6 +29,7 @@ from jointplay.accuracy.error_budget import budget
 from jointplay.accuracy.jacobians import taken_up
 from jointplay.bridges import backlash, bag
 from jointplay.bridges.trajectory import content, of_motion
+from jointplay.cli import main
 from jointplay.model.gear import GearStage, GearTrain
 from jointplay.model.payload import Payload
 from jointplay.physics.contact import Coulomb
@@ -411,6 +412,16 @@ def test_what_cannot_be_compensated_is_refused_in_a_line(level, upright):
         with pytest.raises(JointplayError):
             trust_of(text)
     assert trust_of("play 30 %, payload 20%") == {"play": 0.3, "payload": 0.2}
+
+
+def test_a_motion_that_goes_on_is_refused_before_anything_is_announced(tmp_path, capsys):
+    path = str(tmp_path / "crank.toml")
+    assert main(["init", "--linkage", "slider-crank", path]) == 0
+    capsys.readouterr()
+    assert main(["compensate", path]) == 2
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert said.err.startswith("jointplay compensate: error: a motion that goes on after its end")
 
 
 def test_joints_do_not_go_far_for_little_near_singular_poses():

@@ -9,6 +9,7 @@ from warm import call
 from jointplay import Result
 from jointplay.cli import main
 from jointplay.model.robots import shipped
+from jointplay.show.plots.names import load_one, robot_of, title_of
 
 
 @pytest.fixture
@@ -45,6 +46,8 @@ def test_a_linkage_to_start_from_runs_as_it_stands(tmp_path):
     assert done.returncode == 0, done.stderr
     assert "crank: Play of 0.1 mm in B puts the tool 'slider' up to 0.110 mm off" in done.stdout
     assert "warning" not in done.stdout
+    result = load_one(tmp_path / "out")
+    assert robot_of(result) == title_of({"crank": result}) == "Slider-crank"
     said = call("check", "crank.toml", "--no-picture", cwd=tmp_path).stdout
     for assumed in ("motors keep the given speeds", "B: play in the plane", "steps: by"):
         assert assumed in said

@@ -210,7 +210,7 @@ def coarse(monkeypatch):
 def test_a_single_case_can_be_drawn_without_orbit_if_it_is_ideal(cases, label, coarse, tmp_path):
     written = {path.name for path in plots.save({label: cases[label]}, tmp_path)}
     assert ("fig12.png" in written) == (label != "ideal")
-    assert "fig13.png" in written
+    assert "fig15.png" in written  # in x and y the arm hardly moves so early
 
 
 def test_a_result_plots_itself(cases):

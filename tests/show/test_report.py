@@ -234,7 +234,7 @@ def test_the_picture_says_which_gears_have_play(ideal, words, tmp_path):
     assert done.returncode == 0, done.stderr
     text = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     assert f"at the start of the run; {words}" in text
-    assert "Tool errors are against the ideal machine with the same drives" in text
+    assert "Tool errors are against the ideal mechanism with the same drives" in text
 
 
 def _write(path, data):

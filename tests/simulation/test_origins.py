@@ -4,6 +4,7 @@ import pytest
 
 import jointplay as jp
 from jointplay.base.origins import from_text, to_text
+from jointplay.cli import main
 from jointplay.scenario.robot import robot_scenario
 from jointplay.simulation.values import values
 
@@ -25,6 +26,19 @@ def test_each_value_says_who_gave_it():
     bandwidth = next(one for key, one in found.items() if key.endswith(".bandwidth"))
     assert (bandwidth.value, bandwidth.origin) == ("50 rad/s", "given")
     assert found["motion"].assumed
+
+
+@pytest.mark.parametrize("name", ["slider-crank", "four-bar"])
+def test_of_a_linkage_no_value_is_of_a_urdf_or_of_python(name, tmp_path):
+    path = tmp_path / "drawn.toml"
+    assert main(["init", "--linkage", name, str(path)]) == 0
+    by_name = by_key(jp.Scenario.load(path))
+    sources = {value.source for value in by_name.values() if not value.assumed}
+    assert sources == {"drawn.toml"}
+    assert by_name["robot.tool"].assumed == (name == "slider-crank")  # which names no output
+    friction = [value for key, value in by_name.items() if key.endswith(".coulomb")]
+    assert friction
+    assert all(value.assumed for value in friction)
 
 
 def test_numbers_of_a_preset_have_its_origins():
@@ -53,8 +67,6 @@ def test_a_result_keeps_what_was_assumed(tmp_path):
 
 
 def test_what_is_assumed_is_listed_when_asked_for(capsys, tmp_path):
-    from jointplay.cli import main
-
     words = ["run", "ar4", "--gear", "joint_2=1 deg", "--duration", "0.002", "--no-figures"]
     assert main([*words, "--assumed", "--quiet", "--out", str(tmp_path / "o")]) == 0
     said = capsys.readouterr().out

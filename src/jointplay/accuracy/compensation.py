@@ -210,7 +210,7 @@ def compensate(
             cannot be made within them.
     """
     require_a("simulation", simulation, "Simulation")
-    mechanism, motion = _checked(simulation)
+    mechanism, motion = compensable(simulation)
     if size is not None:
         require_positive("size of the tool", size, "m")
     count = 2 * max(round(0.5 * motion.duration / NODE_S), 2) + 1
@@ -315,7 +315,12 @@ def firmware_rule(simulation: Simulation, times: np.ndarray) -> np.ndarray:
     return shift
 
 
-def _checked(simulation: Simulation) -> tuple[Mechanism, Motion]:
+def compensable(simulation: Simulation) -> tuple[Mechanism, Motion]:
+    """Its mechanism and motion.
+
+    Raises:
+        JointplayError: no motion that ends, loops, a free base, or a motion outside limits.
+    """
     mechanism, motion = simulation.mechanism, simulation.motion
     if motion is None:
         raise JointplayError("a motion is needed to be compensated: give one", ("motion",))
@@ -331,7 +336,7 @@ def _checked(simulation: Simulation) -> tuple[Mechanism, Motion]:
 
 
 def _motion(simulation: Simulation) -> Motion:
-    """Of a simulation that `_checked` has taken."""
+    """Of a simulation that is `compensable`."""
     assert simulation.motion is not None
     return simulation.motion
 

@@ -722,21 +722,21 @@ def require_keywords(function: Any, given: Iterable[str], name: str) -> None:
             raise JointplayError(unknown_key(key, keys, f" of {name}"), where=(key,))
 
 
-def known_keywords(made: Made) -> Made:
+def known_keywords(target: Made) -> Made:
     """The same function, or class, which answers a wrong keyword with the nearest that it takes.
 
     Of a class its constructor and its class methods do; a `Described` one does so by itself.
     """
-    if isinstance(made, type):
-        made.__init__ = known_keywords(made.__init__)  # type: ignore[misc]
-        _know_class_methods(made)
-        return made
-    taken, name = inspect.unwrap(made), made.__qualname__.removesuffix(".__init__")
+    if isinstance(target, type):
+        target.__init__ = known_keywords(target.__init__)  # type: ignore[misc]
+        _know_class_methods(target)
+        return target
+    taken, name = inspect.unwrap(target), target.__qualname__.removesuffix(".__init__")
 
-    @wraps(made)
+    @wraps(target)
     def call(*arguments: Any, **keywords: Any) -> Any:
         require_keywords(taken, keywords, name)
-        return made(*arguments, **keywords)
+        return target(*arguments, **keywords)
 
     return cast(Made, call)
 

@@ -33,6 +33,9 @@ from jointplay.physics.joints.materials import material
 PIN, SLIDE, BALL = "continuous", "prismatic", "floating"
 """Joints of a linkage, as a URDF calls them."""
 GROUND = "ground"
+
+DRAWN = "linkage"
+"""What stands for the file of a URDF that is made of a linkage: there is none."""
 """The link that stands still."""
 PLANES = {"vertical": np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]]), "horizontal": np.eye(3)}
 """Axes of a drawing in the world: x to the right, and y up or, seen from above, away."""
@@ -247,6 +250,11 @@ class Linkage(Described):
             for point, link in self.carried.items()
             if shared.count(point) == 1 and len(self.links[link].points) > 1
         ]
+
+    @property
+    def tool_reason(self) -> str:
+        """Why `tool` is that frame; empty if `output` names it."""
+        return "" if self.output else "the linkage names no output"
 
     @property
     def tool(self) -> str:

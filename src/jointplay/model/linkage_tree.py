@@ -26,7 +26,17 @@ from jointplay.model.elements import (
     put_fixed,
     put_inertial,
 )
-from jointplay.model.linkage import BALL, GROUND, PIN, PLANES, SLIDE, Edge, Linkage, LinkageLink
+from jointplay.model.linkage import (
+    BALL,
+    DRAWN,
+    GROUND,
+    PIN,
+    PLANES,
+    SLIDE,
+    Edge,
+    Linkage,
+    LinkageLink,
+)
 from jointplay.model.loop import Loop, Vector
 from jointplay.physics.joints import IDEAL_BALL, Clearance
 
@@ -99,7 +109,7 @@ def tree_of(linkage: Linkage, play: Collection[str] = ()) -> Tree:
     for name, link in linkage.links.items():
         _put_link(linkage, root, name, link, origins[name])
     _put_points(linkage, root, origins)
-    path = Path("linkage")
+    path = Path(DRAWN)
     balls = [edge.name for edge in linkage.edges if edge.kind == BALL]
     return Tree(
         urdf.parse(document(root), path),

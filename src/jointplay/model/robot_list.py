@@ -28,14 +28,14 @@ def listed(names: Iterable[str]) -> str:
         seal, _, text = files.read_plain(kept, files.MOST_TEXT).decode().partition("\n")
         if seal == _seal(state, text):
             return text
-    text = _found(places)
+    text = _listed(places)
     with suppress(OSError, RuntimeError, JointplayError):  # no place to keep it
         kept.parent.mkdir(parents=True, exist_ok=True)
         files.write(kept, f"{_seal(state, text)}\n{text}", overwrite=True, announced=False)
     return text
 
 
-def _found(places: Iterable[str]) -> str:
+def _listed(places: Iterable[str]) -> str:
     from jointplay.model.survey import survey  # takes long to import
 
     surveys = [survey(place) for place in places]

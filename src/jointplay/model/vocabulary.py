@@ -108,13 +108,13 @@ def check_words(root: ElementTree.Element) -> None:
         JointplayError: the message names the link or joint, the word, and what was meant.
     """
     for element, place, _ in read_elements(root):
-        words = WORDS[element.tag]
+        vocabulary = WORDS[element.tag]
         for name in element.attrib:
-            _check(f'"{name}"', name, place, words.attributes, words, ())
+            _check(f'"{name}"', name, place, vocabulary.attributes, vocabulary, ())
         counts = Counter(child.tag for child in element)
         for tag, number in counts.items():
-            _check(f"<{tag}>", tag, place, words.elements, words, WORDS)
-            if number > 1 and tag in words.elements and tag not in words.several:
+            _check(f"<{tag}>", tag, place, vocabulary.elements, vocabulary, WORDS)
+            if number > 1 and tag in vocabulary.elements and tag not in vocabulary.several:
                 raise JointplayError(
                     f"{place} has {number} elements <{tag}>; which of them holds? Leave one"
                 )
@@ -129,10 +129,10 @@ def unread(root: ElementTree.Element) -> list[str]:
     """Words and text that nobody reads in elements that are read, in one line if there are any."""
     places: dict[str, list[str]] = {}
     for element, place, _ in read_elements(root):
-        words, texts = WORDS[element.tag], [element.text, *(child.tail for child in element)]
+        vocabulary, texts = WORDS[element.tag], [element.text, *(child.tail for child in element)]
         tags = (child.tag for child in element if child.tag != BEYOND)
-        unknown = [f'"{name}"' for name in element.attrib if _foreign(name, words.attributes)]
-        unknown += [f"<{tag}>" for tag in tags if _foreign(tag, words.elements)]
+        unknown = [f'"{name}"' for name in element.attrib if _foreign(name, vocabulary.attributes)]
+        unknown += [f"<{tag}>" for tag in tags if _foreign(tag, vocabulary.elements)]
         unknown += [f"the text {t.strip()[:_SHOWN]!r}" for t in texts if t and t.strip()]
         for word in unknown:
             places.setdefault(word, []).append(place)
@@ -162,15 +162,15 @@ def _check(
     word: str,
     place: str,
     known: Collection[str],
-    words: Words,
+    vocabulary: Words,
     elsewhere: Collection[str],
 ) -> None:
-    if word in words.others or not _foreign(word, known):
+    if word in vocabulary.others or not _foreign(word, known):
         return
-    likeness = _ALIKE if not words.exclusive else 0.6 if len(known) > 1 else 0.0
-    near = words.meant.get(word)
+    likeness = _ALIKE if not vocabulary.exclusive else 0.6 if len(known) > 1 else 0.0
+    near = vocabulary.meant.get(word)
     meant = f'did you mean "{near}"? ' if near else closest(word, known, likeness)
-    if meant or words.exclusive:
+    if meant or vocabulary.exclusive:
         choices = ", ".join(known) or "nothing"
         raise JointplayError(f"{place} has {shown}, which nobody reads; {meant}known: {choices}")
     if word in elsewhere:

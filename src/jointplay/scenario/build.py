@@ -622,6 +622,7 @@ def mechanism_of(model: Model, folder: Path, built: Built) -> Mechanism:
     robot, linkage = model.robot, model.linkage
     closing: Mapping[str, Loop] = {}
     balls: Mapping[str, Clearance] = {}
+    reason = ""  # why the tool is what nobody named
     if linkage is None:
         with within("robot", "urdf"):
             description = read(robot.urdf, robot.allow_unphysical, folder, robot.xacro)
@@ -629,15 +630,16 @@ def mechanism_of(model: Model, folder: Path, built: Built) -> Mechanism:
         with within("linkage"):
             drawn: Linkage = linkage.make() if isinstance(linkage, Draft) else linkage
             description, closing, balls = tree_of(drawn, model.joints)
-            robot = replace(robot, tool=robot.tool or drawn.tool)
+            if robot.tool is None:
+                robot, reason = replace(robot, tool=drawn.tool), drawn.tool_reason
     with within("robot"):
         description = with_fixed(description, robot.fix)
         description = without_floating_base(description, model.joints)
     parts = model.loops, closing, model.joints, model.gears, model.links
-    inputs = (robot, *parts, folder)
+    inputs = (robot, reason, *parts, folder)
     key = (str(description.path), description.text, *map(repr, inputs))
     ready = built.pop(key, None) or _built_anew(
-        replace(model, robot=robot), description, closing, balls
+        replace(model, robot=robot), description, closing, balls, reason
     )
     built[key] = ready
     if len(built) > _LAST_BUILT:
@@ -650,6 +652,7 @@ def _built_anew(
     description: Description,
     closing: Mapping[str, Loop],
     balls: Mapping[str, Clearance],
+    reason: str,
 ) -> Mechanism:
     robot = model.robot
     loops = dict(closing)
@@ -687,7 +690,7 @@ def _built_anew(
         with within("links", name, "flexible"):
             flexible[name] = table.flexible.make()
     # One tool for cases with and without play in the same joints.
-    tool, reason = robot.tool, ""
+    tool = robot.tool
     if tool is None:
         tool, reason = choose_tool(description, {*model.joints, *model.gears})
         tool = end_of_tool(tool, flexible)

@@ -168,8 +168,8 @@ def picture(
     if scale is not None:
         figure.colorbar(scale[0], ax=axes, shrink=0.6, pad=0.1, label=scale[1])
     if missing := [Path(name).name for name in scene.look.missing]:
-        words = f"not found, simple shapes instead: {few(missing, 3)}"
-        figure.text(0.01, 0.01, words, fontsize=8)
+        text = f"not found, simple shapes instead: {few(missing, 3)}"
+        figure.text(0.01, 0.01, text, fontsize=8)
     _write(axes, notes, triangles)
     return figure
 
@@ -253,7 +253,7 @@ def _write(axes: Any, notes: Sequence[_Note], triangles: np.ndarray) -> None:
     across, up = (np.arange(0.0, size + _CELL_PX, _CELL_PX) for size in figure.bbox.size)
     at_x, at_y = seen(corners).T
     bodies = np.histogram2d(at_x, at_y, (across, up))[0]
-    words = np.zeros_like(bodies)
+    lettering = np.zeros_like(bodies)
 
     last = np.array(bodies.shape) - 1
 
@@ -277,7 +277,7 @@ def _write(axes: Any, notes: Sequence[_Note], triangles: np.ndarray) -> None:
     numbers = [tick.label1 for axis in axles for tick in axis.get_major_ticks()]
     for text in (axes.title, *(axis.label for axis in axles), *numbers):
         box = text.get_window_extent()
-        words[cells(box.min, box.max)] = 1.0
+        lettering[cells(box.min, box.max)] = 1.0
     turns = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
     ways = np.column_stack([np.cos(turns), np.sin(turns)])
     tries = [(far, way) for far in np.arange(_NEAR_PT, _FAR_PT, 10.0) for way in ways]
@@ -299,12 +299,12 @@ def _write(axes: Any, notes: Sequence[_Note], triangles: np.ndarray) -> None:
                 continue
             mark = outline[np.linalg.norm(outline - np.clip(outline, low, high), axis=1).argmin()]
             near, box = np.clip(mark, low, high), cells(low, high)
-            crossed = words[along(near, mark, 20)].sum()
-            cost = far + _CROWDED * words[box].sum() + bodies[box].sum() + _CROSSED * crossed
+            crossed = lettering[along(near, mark, 20)].sum()
+            cost = far + _CROWDED * lettering[box].sum() + bodies[box].sum() + _CROSSED * crossed
             if cost < best[0]:
                 best = cost, middle, near, mark
         _, middle, near, mark = best
-        words[cells(middle - half, middle + half)] = words[along(near, mark, 40)] = 1.0
+        lettering[cells(middle - half, middle + half)] = lettering[along(near, mark, 40)] = 1.0
         look |= {"xytext": (middle - mark) / point, "textcoords": "offset points"}
         lead = {"arrowstyle": "-", "color": _TOOL, "lw": 0.8, "shrinkA": 0.0, "shrinkB": 0.0}
         lead |= {"relpos": tuple(0.5 + 0.5 * (near - middle) / half), "path_effects": _HALO}

@@ -24,6 +24,7 @@ from jointplay.base.origins import (
 from jointplay.base.schema import fields_of
 from jointplay.base.tables import Table, few
 from jointplay.base.units import readable
+from jointplay.model.linkage import DRAWN
 from jointplay.physics.contact import LankaraniNikravesh
 from jointplay.physics.contact.law import FrictionLaw
 from jointplay.physics.joints import Clearance, SlidingClearance
@@ -109,7 +110,8 @@ def _list(simulation: Simulation, origins: Origins) -> Iterator[tuple[Key, str, 
     usual, given = (ASSUMED, "nobody said otherwise"), (GIVEN, "in Python")
     units = {name: entry.unit for name, entry in mechanism.description.joints.items()}
     chosen = mechanism.tool_reason
-    yield ("robot", "tool"), mechanism.tool, (ASSUMED, chosen) if chosen else given
+    named = origins.get(("linkage", "output"), given)
+    yield ("robot", "tool"), mechanism.tool, (ASSUMED, chosen) if chosen else named
     weight = "none"
     if any(mechanism.gravity):
         weight = " ".join(f"{g:g}" for g in mechanism.gravity) + " m/s²"
@@ -156,13 +158,14 @@ def _list(simulation: Simulation, origins: Origins) -> Iterator[tuple[Key, str, 
                 of_catalogue = (SEEN, sources[field]) if field in sources else given
                 yield ("drives", name, field), text, usual if is_default else of_catalogue
     friction = simulation.joint_friction
+    by_robot = usual if mechanism.description.path.name == DRAWN else (FILE, "the URDF")
     for name in mechanism.joints:
         entry = mechanism.description.joints.get(name)
         dry = entry.friction if friction is None and entry is not None else None
         dry = friction[name].coulomb if friction is not None and name in friction else dry
         if dry is not None:
             unit = "N" if units.get(name) == "m" else "N*m"
-            yield ("joint_friction", name, "coulomb"), readable(dry, unit), (FILE, "the URDF")
+            yield ("joint_friction", name, "coulomb"), readable(dry, unit), by_robot
     for number, payload in enumerate(simulation.payloads, 1):
         yield ("payloads", str(number)), f"{readable(payload.mass, 'kg')} at {payload.frame}", given
     start = "at rest" if simulation.starts_at_rest else "centred"

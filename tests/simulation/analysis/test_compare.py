@@ -38,6 +38,9 @@ def test_figures_inputs_and_tools_are_compared(folder):
     away = np.linalg.norm(loose["tool_position"].values - tight["tool_position"].values, axis=1)
     rms = math.sqrt(np.trapezoid(away**2, tight.time) / tight.time[-1])
     assert found.apart == pytest.approx((away.max(), rms), rel=1e-6)
+    aside = "against the ideal mechanism with the same drives, whose own errors they leave out:"
+    assert f"\n\ntool errors are by play, {aside}\nfigure" in str(found)
+    assert found.answer.startswith("peak tool error by play: ")
     assert f"the two tools are up to {1e3 * away.max():.4g} mm apart" in found.answer
 
 
@@ -49,6 +52,14 @@ def test_a_difference_within_the_numerical_errors_is_said_to_be(folder):
     assert (near.beyond_errors, far.beyond_errors, unknown.beyond_errors) == (False, True, None)
     found = analysis.Comparison(("a", "b"), (), (near,), None)
     assert found.answer.endswith("1.3 times as much, no more than the numerical errors")
+
+
+def test_causes_that_differ_are_named_with_their_results():
+    figure = comparison.CertifiedFigure("peak tool error", 1.0, 0.2, "m")
+    pair = comparison.Pair("peak tool error", figure, figure)
+    causes = "play", "play and elasticity"
+    found = analysis.Comparison(("a", "b"), (), (pair,), None, causes)
+    assert "tool errors are by play in a and by play and elasticity in b, against" in str(found)
 
 
 def test_the_command_prints_the_answer_first_and_draws(folder, tmp_path):

@@ -47,7 +47,7 @@ def declare(parser: Parser) -> None:
 def run(options: argparse.Namespace) -> int:
     names = ["motion.csv", "original.csv", "compensation.csv", "corners.csv", "error.png"]
     out = Outputs(options.out, names)
-    from jointplay.accuracy.compensation import compensate
+    from jointplay.accuracy.compensation import compensable, compensate
     from jointplay.bridges import backlash
     from jointplay.study.corners import EXACT, IDENTIFIED, judge, learn, trust_of
 
@@ -57,7 +57,7 @@ def run(options: argparse.Namespace) -> int:
     measured = preset is not None and bool(preset.intervals)
     trust = trust_of(options.trust or (IDENTIFIED if measured else EXACT), preset)
     require_whole("--passes", options.passes, 0)
-    simulation = simulation_of(options)
+    simulation = simulation_of(options, compensable)
     out.claim()
     streams.release()
     progress = not options.quiet

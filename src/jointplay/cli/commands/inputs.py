@@ -364,16 +364,19 @@ def whole_errors(options: argparse.Namespace, scenario: Scenario) -> dict[str, A
     return {"causes": options.causes or CAUSES, "errors": errors, "kind": kind}
 
 
-def simulation_of(options: argparse.Namespace) -> Simulation:
+def simulation_of(
+    options: argparse.Namespace, refuse: Callable[[Simulation], object] = lambda _: None
+) -> Simulation:
     """The one simulation that these options describe.
 
     Raises:
-        JointplayError: several cases, or what `jointplay run` would refuse.
+        JointplayError: several cases, what `jointplay run` would refuse, or what `refuse` does.
     """
     from jointplay.scenario.assumptions import decisive
 
     scenario = scenario_of(options)
     simulation = scenario.simulation(options.case)
+    refuse(simulation)
     scenario.ready_run(options.case)  # says what cannot be, with its line
     lines = decisive(scenario, {options.case or scenario.cases[0]: simulation})
     for line in commands.first_notes(lines, getattr(options, "detail", True)):

@@ -249,9 +249,14 @@ class Curves:
             "y": {"label": panel.y.name, "unit": panel.y.unit},
             "equal": bool(panel.equal),
             "marks": [
-                {"name": one.name, "frame": one.frame, "x": self._put(one.x), "y": self._put(one.y)}
-                for one in panel.marks
-                if isinstance(one, Curve)
+                {
+                    "name": curve.name,
+                    "frame": curve.frame,
+                    "x": self._put(curve.x),
+                    "y": self._put(curve.y),
+                }
+                for curve in panel.marks
+                if isinstance(curve, Curve)
             ],
         }
 
@@ -308,7 +313,7 @@ def cycle_messages(
     # Energies since the start: stored, and those terms that are not nothing.
     stored = few["kinetic_energy"].values + few["potential_energy"].values
     terms = [(term.label, few[term.variable].values) for term in TERMS]
-    shown_terms = [("stored", stored - stored[0]), *(one for one in terms if np.any(one[1]))]
+    shown_terms = [("stored", stored - stored[0]), *(term for term in terms if np.any(term[1]))]
     energies = [Curve(few.time, values, name) for name, values in shown_terms]
     energy = curves.chart(Panel(TIME, Axis("energy", "J"), energies))
     charts = {"error": error, "energy": energy, "joints": joints}

@@ -24,28 +24,28 @@ if TYPE_CHECKING:
     from jointplay.simulation.simulation import Simulation
 
 
-def own(name: str) -> str:
-    """The text of a file of the front end."""
-    return (resources.files("jointplay.show.live") / "static" / name).read_text("utf-8")
+_FRONT = resources.files("jointplay.show.live") / "static"
 
 
 def front() -> str:
     """The front end: a function of meshcat's viewer that gives ``mount``."""
-    parts = "\n".join((components(), static("chart.js"), own("robot.js"), own("live.js")))
+    parts = "\n".join(
+        (components(), static("chart.js"), static("robot.js", _FRONT), static("live.js", _FRONT))
+    )
     body = f'"use strict";\nconst {{THREE}} = MeshCat;\n{parts}\nreturn {{mount}};'
     return f"function jointplayLive(MeshCat) {{\n{body}\n}}"
 
 
 def style() -> str:
     """Of the front end, which touches nothing outside its own element."""
-    return f"{own('live.css')}\n.jp-live {{\n{static('chart.css')}}}"
+    return f"{static('live.css', _FRONT)}\n.jp-live {{\n{static('chart.css')}}}"
 
 
 def contents(state: State, simulation: Simulation, title: str) -> tuple[dict[str, Any], bytes]:
     """What the front end starts from: controls, and the bodies of the machine."""
     seen, block = look(simulation.mechanism)
     assumed = assumed_table(simulation, state.scenario.origins(state.case))
-    rows = zip(*(one.values for one in assumed.columns), strict=True)
+    rows = zip(*(column.values for column in assumed.columns), strict=True)
     said = {
         "title": title,
         "controls": state.described(),
@@ -80,10 +80,10 @@ def values_of(asked: Any) -> dict[str, float]:
     """Values by control, of what a page sent; JointplayError if it is something else."""
     values = asked.get("values") if isinstance(asked, dict) else None
     if not isinstance(values, dict) or not all(
-        isinstance(one, int | float) and not isinstance(one, bool) for one in values.values()
+        isinstance(value, int | float) and not isinstance(value, bool) for value in values.values()
     ):
         raise JointplayError("a question has values, numbers by control")
-    return {name: require_finite(name, one, "") for name, one in values.items()}
+    return {name: require_finite(name, value, "") for name, value in values.items()}
 
 
 class Routes:

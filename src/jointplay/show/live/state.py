@@ -82,11 +82,13 @@ class State:
     def of(cls, scenario: Scenario, case: str, simulation: Simulation) -> State:
         """Find what can be changed; `simulation` is that of the case."""
         controls = _controls(scenario.data(case), simulation)
-        return cls(scenario, case, {one.name: one for one in controls})
+        return cls(scenario, case, {control.name: control for control in controls})
 
     def described(self) -> list[dict[str, Any]]:
-        kept = [one.name for one in fields(Control) if one.name not in ("key", "along")]
-        return [{name: getattr(one, name) for name in kept} for one in self.controls.values()]
+        kept = [field.name for field in fields(Control) if field.name not in ("key", "along")]
+        return [
+            {name: getattr(control, name) for name in kept} for control in self.controls.values()
+        ]
 
     def changes(self, values: Mapping[str, float]) -> dict[str, Any]:
         """Changes of the case, nested as in its file, that give the controls these values.
@@ -96,7 +98,7 @@ class State:
         Raises:
             JointplayError: no such control, or not a finite number; `where` is the key.
         """
-        made: dict[str, Any] = {}
+        changes: dict[str, Any] = {}
         beside = self._beside(values)
         for name, value in {**beside, **values}.items():
             control = self.controls.get(name)
@@ -105,12 +107,12 @@ class State:
             *tables, key = control.key
             value = require_finite(control.label, value, control.unit, where=control.key)
             if value != control.value or name in beside:
-                table = made
+                table = changes
                 for part in tables:
                     table = table.setdefault(part, {})
                 is_payload = control.key == _PAYLOAD
                 table[key] = self._payloads(value) if is_payload else control.written(value)
-        return made
+        return changes
 
     def _beside(self, values: Mapping[str, float]) -> dict[str, float]:
         """The shown clearances of joints of which one changes: none is to follow another."""
@@ -170,14 +172,14 @@ def _controls(data: Mapping[str, Any], simulation: Simulation) -> Iterator[Contr
         value = float(speed) if isinstance(speed, int | float) else begins
         low, high = sorted((value / _SPEED_FACTOR, value * _SPEED_FACTOR))
         unit, at = "m/s" if slides[name] else "rad/s", ("motion", "speeds", name)
-        words, text = f"speed of {name}", texts["speeds"]
-        yield Control(f"speed.{name}", WHOLE, words, unit, value, low, high, text, at)
+        label, text = f"speed of {name}", texts["speeds"]
+        yield Control(f"speed.{name}", WHOLE, label, unit, value, low, high, text, at)
     if motion and "speeds" not in motion:
         value = float(motion.get("faster", 1.0))
         low, high = value / _SPEED_FACTOR, value * _SPEED_FACTOR
-        words, at = "speed of the motion, factor", ("motion", "faster")
+        label, at = "speed of the motion, factor", ("motion", "faster")
         text = " ".join(texts["faster"].split())
-        yield Control("speed", WHOLE, words, "", value, low, high, text, at, logarithmic=True)
+        yield Control("speed", WHOLE, label, "", value, low, high, text, at, logarithmic=True)
     held = next((payload.mass for payload in simulation.payloads), 0.0)
     most = max(_nice(_HEAVIEST_PAYLOAD * pin.computeTotalMass(mechanism.ideal().model)), 2.0 * held)
     text = "Mass held by the tool, in its origin if the scenario says no more."
@@ -191,14 +193,14 @@ def _controls(data: Mapping[str, Any], simulation: Simulation) -> Iterator[Contr
         if not joint.ideal:
             yield from _of_joint(name, joint)
     for name, gear in mechanism.gears.items():
-        if name in data.get("gears", {}) and "play" in {one.name for one in fields(gear)}:
+        if name in data.get("gears", {}) and "play" in {field.name for field in fields(gear)}:
             kind: Any = type(gear)
             unit, text = "mm" if slides[name] else "deg", explanations(kind)["play"]
             value = float(f"{gear.play / COMMON[unit][1]:.12g}")
             low, high, logarithmic = _clearances(value, _MOST_PLAY)
-            words, text, at = "play of the gear", " ".join(text.split()), ("gears", name, "play")
+            label, text, at = "play of the gear", " ".join(text.split()), ("gears", name, "play")
             key = f"{name}.play"
-            yield Control(key, name, words, unit, value, low, high, text, at, logarithmic)
+            yield Control(key, name, label, unit, value, low, high, text, at, logarithmic)
 
 
 def _of_joint(name: str, joint: Clearance) -> Iterator[Control]:

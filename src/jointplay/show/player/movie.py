@@ -175,8 +175,8 @@ def film(
             times, unit="frames", disable=not progress or speed is None, desc="filming"
         )
         taken = (take(float(t), held, f"t = {t:.{digits}f} s{how}") for t in bar)
-        made = next(taken) if speed is None else _encoded(taken, folder, suffix, shot)
-    files.write(path, made)
+        film = next(taken) if speed is None else _encoded(taken, folder, suffix, shot)
+    files.write(path, film)
     return MovieFile(path, len(times), len(times) / shot.frames_per_second, speed, shot.size)
 
 
@@ -225,11 +225,11 @@ def launched(tools: Any, failure: type[Exception]) -> Any:
     It has its own sandbox where the system lets it; the page holds nothing that could use a hole in
     it, for its policy lets no script run but the player's.
     """
-    own = Path(tools.chromium.executable_path)
+    bundled = Path(tools.chromium.executable_path)
     wanted = os.environ.get(CHROMIUM)
     browser = wanted or next((shutil.which(n) for n in _BROWSERS if shutil.which(n)), None)
-    if wanted is None and own.is_file():
-        browser = str(own)
+    if wanted is None and bundled.is_file():
+        browser = str(bundled)
     if browser is None or (wanted is not None and not files.is_file(Path(wanted))):
         raise JointplayError(
             f"{CHROMIUM} names no file: {wanted!r}"

@@ -7,6 +7,7 @@ import hashlib
 import json
 from collections.abc import Iterable
 from importlib import resources
+from importlib.resources.abc import Traversable
 from typing import Any
 
 from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
@@ -28,7 +29,7 @@ def policy(scripts: Iterable[str], connect: str = "") -> Markup:
     `connect`: what it may fetch besides, such as ``data:``.
     """
     digests = (hashlib.sha256(script.encode("utf-8")).digest() for script in scripts)
-    hashes = " ".join(f"'sha256-{base64.b64encode(one).decode('ascii')}'" for one in digests)
+    hashes = " ".join(f"'sha256-{base64.b64encode(digest).decode('ascii')}'" for digest in digests)
     rules = {
         "default-src": "'none'",
         "script-src": hashes,
@@ -55,13 +56,13 @@ def as_data(json: str) -> Markup:
 
 _COMPONENTS = ("page.js", "tracks.js", "stage.js", "closeup.js", "rolling.js")
 _PACKAGE = "jointplay.show.player"
-_OWN = resources.files(_PACKAGE) / "static"
+_SHARED = resources.files(_PACKAGE) / "static"
 _VIEWER = resources.files("meshcat") / "viewer" / "dist"
 
 
-def static(name: str) -> str:
-    """The text of a file that several pages share."""
-    return (_OWN / name).read_text("utf-8")
+def static(name: str, folder: Traversable = _SHARED) -> str:
+    """The text of a page's file, by default of one that several pages share."""
+    return (folder / name).read_text("utf-8")
 
 
 def components() -> str:
@@ -96,10 +97,10 @@ def filled(
     package: str, title: str, style: str, contents: Any, block: bytes, scripts: list[str], more: str
 ) -> bytes:
     """The page of a package with meshcat's viewer in it; `more` is what it may fetch."""
-    loader = ChoiceLoader([PackageLoader(one, "static") for one in (package, _PACKAGE)])
-    made = Environment(loader=loader, autoescape=True, undefined=StrictUndefined)
-    run = [as_script(one) for one in scripts]
-    page = made.get_template("page.html").render(
+    loader = ChoiceLoader([PackageLoader(name, "static") for name in (package, _PACKAGE)])
+    environment = Environment(loader=loader, autoescape=True, undefined=StrictUndefined)
+    run = [as_script(script) for script in scripts]
+    page = environment.get_template("page.html").render(
         policy=policy(run, connect=more),
         title=title,
         style=as_script(style),
@@ -115,8 +116,8 @@ def licences() -> Markup:
     """Licences of meshcat's viewer and what it bundles, to stand in a comment of a page."""
     packages = json.loads((_VIEWER / "main.min.js.THIRD_PARTY_LICENSES.json").read_text("utf-8"))
     texts = (_VIEWER / "main.min.js.LICENSE.txt").read_text("utf-8") + "\n\n".join(
-        f"{one.get('name')} {one.get('version')}\n"
-        f"{one.get('licenseText') or one.get('license') or ''}"
-        for one in packages
+        f"{package.get('name')} {package.get('version')}\n"
+        f"{package.get('licenseText') or package.get('license') or ''}"
+        for package in packages
     )
     return Markup(texts.replace("--", "- -"))

@@ -280,8 +280,8 @@ def build(
         raise MissingName("joint with clearance", joint, names)
     taken = [_Case(label, result, meshes) for label, result in cases.items()]
     if joint is None:  # what bends is less to look at than what has play
-        play = [one for case in taken for one in case.scene.joints if one.play]
-        joint = next((one.name for one in play if not one.hinge), None)
+        play = [joint_view for case in taken for joint_view in case.scene.joints if joint_view.play]
+        joint = next((joint_view.name for joint_view in play if not joint_view.hinge), None)
     entries = []
     surfaces = _Surfaces(packer)
     for case, colour in zip(taken, colours(cases), strict=True):

@@ -100,8 +100,8 @@ class Server(ThreadingHTTPServer):
         try:
             ipaddress.ip_address(name)
         except ValueError:
-            own = {"localhost", self._host, socket.gethostname(), socket.getfqdn()}
-            return name in {known.lower() for known in own if known}
+            names = {"localhost", self._host, socket.gethostname(), socket.getfqdn()}
+            return name in {known.lower() for known in names if known}
         return True
 
     def handle_error(self, request: object, client_address: object) -> None:

@@ -71,12 +71,12 @@ def bars(budget: PlayBudget, pose: int | None = None) -> Figure:
     marks = [
         Bars(
             values,
-            f"{words}, all {1e3 * total:.3g} m{budget.unit}",
+            f"{load_case}, all {1e3 * total:.3g} m{budget.unit}",
             colour,
             shift=shift,
             height=0.25,
         )
-        for shift, words, total, values, colour in (
+        for shift, load_case, total, values, colour in (
             (-0.27, "worst case", budget.worst[at], budget.worst_parts[at], VERMILION),
             (0.0, "RMS over load directions", budget.rms[at], budget.rms_parts[at], BLUE),
             (0.27, "at rest", size, sizes, GREEN),
@@ -246,11 +246,11 @@ def workspace_map(budget: PlayBudget) -> Figure:
         return Axis(name, "m", "large", low=low, high=high)
 
     panels = []
-    for across, up, *words in (
+    for across, up, *names in (
         (np.hypot(x, y), z, "distance from the z axis", "z"),
         (x, y, "x", "y"),
     ):
-        sideways, upwards = map(axis, (across, up), words)
+        sideways, upwards = map(axis, (across, up), names)
         dots = [Dots(across, up, worst, scale)]
         panels.append(Panel(sideways, upwards, dots, equal="" if point else "data"))
     return _row(panels, (8.0, 4.0), note=budget.validity)
@@ -377,8 +377,8 @@ def reversal_loops(loops: Sequence[Loop], estimates: Sequence[Estimate]) -> Figu
             dots: dict[str, Any] = {"line": "", "marker": "o", "size": 4.0, "hollow": not way}
             marks.append(Curve(loop.x[seen], loop.measured[seen], "", colour, opacity=0.7, **dots))
             marks.append(Curve(loop.x[fit], loop.fitted[fit], "", colour, order=3.0))
-        words = [estimate.cells() for estimate in estimates if estimate.plays(loop.joint)]
-        play = [interval if value == "-" else f"play {interval}" for value, interval in words]
+        cells = [estimate.cells() for estimate in estimates if estimate.plays(loop.joint)]
+        play = [interval if value == "-" else f"play {interval}" for value, interval in cells]
         x, up = (
             Axis(loop.x_name, loop.x_unit, ticks=5),
             Axis("deviation of the link", loop.unit, "fine"),
@@ -469,8 +469,8 @@ def path(performance: Iso9283) -> Figure:
         (performance.path_accuracy, "AT_p", VERMILION),
         (performance.path_repeatability, "RT_p", BLUE),
     ):
-        words = f"{name} = {performance.path[name].text(1e3, 'mm')}"
-        marks.append(Curve(performance.path_times, values, words, colour, **look))
+        name_and_value = f"{name} = {performance.path[name].text(1e3, 'mm')}"
+        marks.append(Curve(performance.path_times, values, name_and_value, colour, **look))
     up = Axis("across the command path", "m", low=0.0)
     panel = Panel(Axis("time in the cycle", "s"), up, marks)
     return _row([panel], (6.5, 3.4), note=_note(performance), key=2)
@@ -494,8 +494,8 @@ def reversals(reduction: Reduction) -> Figure:
     up = Axis("motor - link", "rad")
     low, high = float(past["motor"].min()), float(past["motor"].max())
     low, high = 1.03 * low - 0.03 * high, 1.03 * high - 0.03 * low
-    words = f"motor of {reduction.joint}"  # whose angle is a number of many digits
-    angle = Axis(words, "rad", "large", low=low, high=high, ticks=5)
+    motor = f"motor of {reduction.joint}"  # whose angle is a number of many digits
+    angle = Axis(motor, "rad", "large", low=low, high=high, ticks=5)
     panels = [Panel(Axis("time", "s"), up, curves[0]), Panel(angle, up, curves[1])]
     note = (
         f"simulated; stated error of the link's angle {1e6 * reduction.angle_error:.3g} µrad, "
@@ -504,23 +504,23 @@ def reversals(reduction: Reduction) -> Figure:
     return _row(panels, (8.5, 3.4), note=note, key=2)
 
 
-def gains(found: GainMap) -> Figure:
+def gains(gain_map: GainMap) -> Figure:
     """Swings of a joint over two gains, and where play is not what makes them."""
-    (first, x), (second, y) = found.first, found.second
+    (first, x), (second, y) = gain_map.first, gain_map.second
     names = [
         f"{name[0].upper()} gain [{UNITS[name]}]" if name in UNITS else name
         for name in (first, second)
     ]
     across, up = (Axis(name, log=bool(a[0] > 0.0)) for name, a in zip(names, (x, y), strict=True))
-    length = "m" if found.axis.slides else "rad"
-    diverges = np.isinf(found.amplitude)
-    lasts = (found.amplitude > 0.0) & ~diverges
-    size, rate = (np.where(lasts, x, np.nan) for x in (found.amplitude, found.frequency))
+    length = "m" if gain_map.axis.slides else "rad"
+    diverges = np.isinf(gain_map.amplitude)
+    lasts = (gain_map.amplitude > 0.0) & ~diverges
+    size, rate = (np.where(lasts, x, np.nan) for x in (gain_map.amplitude, gain_map.frequency))
     places = [a.ravel() for a in np.meshgrid(x, y)]
     kinds = [
-        (found.screen, "predicted by the describing function", ".", VERMILION),
-        (found.control, "without play, too", "x", SKY),
-        (found.unclear, "unclear: a longer run must tell", "*", PINK),
+        (gain_map.screen, "predicted by the describing function", ".", VERMILION),
+        (gain_map.control, "without play, too", "x", SKY),
+        (gain_map.unclear, "unclear: a longer run must tell", "*", PINK),
         (diverges, "diverges", "^", GREEN),
     ]
     marks: list[Mark] = []
@@ -532,4 +532,4 @@ def gains(found: GainMap) -> Figure:
     shown = [(size, Axis("swing", length)), (rate, Axis("frequency", "Hz"))]
     panels = [Panel(across, up, [Map(values, scale, x, y), *marks]) for values, scale in shown]
     note = "blank: quiet; swing: half of the link's way to and fro"
-    return _row(panels, (9.0, 4.2), note=f"{found.sentence}; {note}", key=3)
+    return _row(panels, (9.0, 4.2), note=f"{gain_map.sentence}; {note}", key=3)

@@ -304,7 +304,7 @@ def _map(axes: Axes, mark: Map, panel: Panel, options: Mapping[str, Any]) -> Non
                 axes.text(column, row, f"{value:.3g}", color=colour, **look)
 
 
-def _words(axes: Axes, mark: Words, panel: Panel, options: Mapping[str, Any]) -> None:
+def _label(axes: Axes, mark: Words, panel: Panel, options: Mapping[str, Any]) -> None:
     place = panel.x.shown[0] * mark.x, panel.y.shown[0] * mark.y
     look: dict[str, Any] = {"ha": mark.above or "center", "fontsize": 8 if mark.above else 7}
     look |= {"va": "bottom"} if mark.above else {"va": "center", "color": "0.4"}
@@ -320,5 +320,5 @@ _DRAWN: dict[type, Any] = {
     Area: _area,
     Dots: _dots,
     Map: _map,
-    Words: _words,
+    Words: _label,
 }

@@ -48,9 +48,9 @@ def _with_start(panels: Iterable[Panel], cases: Cases) -> tuple[list[Panel], str
     until = max((result.judge_from for result in cases.values() if result.joints), default=0.0)
     if until <= 0.0:
         return list(panels), ""
-    words = f"Grey: the first {until:g} s, in which journals fall into their bearings, not judged."
+    note = f"Grey: the first {until:g} s, in which journals fall into their bearings, not judged."
     grey = Rule(0.0, "x", colour=GREY, width=0.0, end=until)
-    return [panel.with_marks(grey) for panel in panels], words
+    return [panel.with_marks(grey) for panel in panels], note
 
 
 def tool_panels(cases: Cases, of: str) -> list[Panel]:
@@ -305,10 +305,10 @@ def _with_peak(panel: Panel, start: float, until: float) -> Panel:
         return panel
     factor, unit = panel.y.shown
     side = "left" if time < until / 3.0 else "right" if time > 2.0 * until / 3.0 else "center"
-    words = Words(time, top, f"peak {factor * top:.3g} {unit} at {time:.3g} s", side)
+    peak = Words(time, top, f"peak {factor * top:.3g} {unit} at {time:.3g} s", side)
     dot = Curve([time], [top], "", colour, "", marker="o", size=5.0, frame=True, order=4.0)
     up = replace(panel.y, low=0.0, high=_HEADROOM * highest)
-    return replace(panel.with_marks(dot, words), y=up)
+    return replace(panel.with_marks(dot, peak), y=up)
 
 
 def _journal(result: Result, joint: str, label: str, colour: str) -> Panel:

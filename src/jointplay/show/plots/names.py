@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from jointplay.base.errors import JointplayError
+from jointplay.model.linkage import DRAWN
 from jointplay.simulation import analysis
 
 if TYPE_CHECKING:
@@ -112,7 +113,7 @@ def load(paths: Sequence[str | Path], labels: Sequence[str] = ()) -> dict[str, R
         [file.parent.name for file in resolved],
         [str(file.with_suffix("")) for file in resolved],
     ]
-    names = next(one for one in choices if one and len(set(one)) == len(files))
+    names = next(choice for choice in choices if choice and len(set(choice)) == len(files))
     return dict(zip(names, results, strict=True))
 
 
@@ -129,15 +130,18 @@ def _place_in_folder(file: Path) -> tuple[bool, list[tuple[float, str]]]:
 
 def title_of(results: Mapping[str, Result]) -> str:
     """The title of the scenario that results belong to; else robot and joints with play."""
-    titles = dict.fromkeys(str(one.dataset.attrs.get("title", "")) for one in results.values())
+    titles = dict.fromkeys(
+        str(result.dataset.attrs.get("title", "")) for result in results.values()
+    )
     if len(titles) == 1 and all(titles):
         return next(iter(titles))
     robots = dict.fromkeys(map(robot_of, results.values()))
-    joints = dict.fromkeys(name for one in results.values() for name in one.joints)
+    joints = dict.fromkeys(name for result in results.values() for name in result.joints)
     play = f", play in {', '.join(joints)}" if joints else ""
     return f"{', '.join(robots)}{play}"
 
 
 def robot_of(result: Result) -> str:
-    """The name of a run's robot: that of its URDF's file."""
-    return Path(str(analysis.inputs(result)["mechanism"]["urdf"]).rpartition(":")[2]).stem
+    """The name of a run's robot: that of its URDF's file; of a linkage the scenario's title."""
+    name = Path(str(analysis.inputs(result)["mechanism"]["urdf"]).rpartition(":")[2]).stem
+    return str(result.dataset.attrs.get("title") or name) if name == DRAWN else name

@@ -86,12 +86,18 @@ def exponents(
     values: np.ndarray, estimates: Sequence[Exponent | None], across: str, title: str = ""
 ) -> Figure:
     """Largest exponents over a parameter, with intervals; None where a run failed."""
-    known = [(value, one) for value, one in zip(values, estimates, strict=True) if one is not None]
+    known = [
+        (value, estimate)
+        for value, estimate in zip(values, estimates, strict=True)
+        if estimate is not None
+    ]
     marks: list[Curve | Rule] = [Rule(0.0, colour=LINE)]
     for verdict, colour in zip(("chaotic", "undecided", "regular"), COLOURS, strict=False):
-        of = [(value, one) for value, one in known if one.verdict == verdict]
+        of = [(value, estimate) for value, estimate in known if estimate.verdict == verdict]
         if of:
-            mean, low, high = np.array([(one.value, one.low, one.high) for _, one in of]).T
+            mean, low, high = np.array(
+                [(estimate.value, estimate.low, estimate.high) for _, estimate in of]
+            ).T
             at = [value for value, _ in of]
             marks.append(Curve(at, mean, verdict, colour, "", marker="o", low=low, high=high))
     panel = Panel(
@@ -142,12 +148,12 @@ def basin(
     `labels`: index of the orbit, -1 where the motion does not repeat itself, -2 where it failed;
     `periods` of the orbits [turns].
     """
-    words = {-1: "does not repeat itself", -2: "failed"}
+    names = {-1: "does not repeat itself", -2: "failed"}
     colours = {-1: "#595959", -2: "#d9d9d9"}
     marks = []
     for label in np.unique(labels):
         at = places[labels == label]
-        word = words.get(label) or f"orbit {label + 1}, period {periods[label]}"
+        word = names.get(label) or f"orbit {label + 1}, period {periods[label]}"
         colour = colours.get(label) or many(len(periods))[label]
         name = f"{word}: {len(at)}"
         marks.append(Curve(at[:, 0], at[:, 1], name, colour, "", marker="s", size=5.0))
@@ -157,12 +163,12 @@ def basin(
 
 
 _DRAWN = {
-    one.__name__: one
-    for one in (turns, bifurcation, poincare, exponent, exponents, recurrence, waterfall, basin)
+    drawing.__name__: drawing
+    for drawing in (turns, bifurcation, poincare, exponent, exponents, recurrence, waterfall, basin)
 }
 
 
-def figure(found: Findings) -> Figure:
+def figure(findings: Findings) -> Figure:
     """What an analysis found."""
-    made: Figure = _DRAWN[found.figure](**found.data)  # type: ignore[operator]
-    return made
+    drawn: Figure = _DRAWN[findings.figure](**findings.data)  # type: ignore[operator]
+    return drawn

@@ -67,7 +67,7 @@ TIME = Axis("time", "s")
 def _drawn(width: float = 6.0, height: float = 3.2) -> Callable[..., Callable[..., Figure]]:
     """A method that describes a panel as one that draws it, its figure of this size [inches]."""
 
-    def made(describe: Callable[..., Panel]) -> Callable[..., Figure]:
+    def decorate(describe: Callable[..., Panel]) -> Callable[..., Figure]:
         named = inspect.signature(describe).parameters
 
         @wraps(describe)
@@ -92,7 +92,7 @@ def _drawn(width: float = 6.0, height: float = 3.2) -> Callable[..., Callable[..
 
         return drawing
 
-    return made
+    return decorate
 
 
 class Plots:
@@ -249,12 +249,12 @@ class Plots:
         """Timeline of the joint's mode (Table 1), with the share of the time in each."""
         name = self._joint("modes", joint)
         shares = list(analysis.time_fractions(self.result, name).values())
-        modes, words = list(Mode), list(MODES)
+        modes, texts = list(Mode), list(MODES)
         if analysis.rolls(self.result, name):
-            modes, words = [modes[0], modes[2]], ["no element\nloaded", "elements\nloaded"]
+            modes, texts = [modes[0], modes[2]], ["no element\nloaded", "elements\nloaded"]
         rows = [
             f"{text}\n{100 * shares[int(mode)]:.1f} %"
-            for text, mode in zip(words, modes, strict=True)
+            for text, mode in zip(texts, modes, strict=True)
         ]
         return self._timeline("mode", name, modes, rows, [MODE_COLOURS[mode] for mode in modes])
 
@@ -270,9 +270,9 @@ class Plots:
         occurred = [form for form in Form if shares[form.name.lower()] > 0.0]
         rows = []
         for form in occurred:
-            words = form.name.lower().replace("_", " ")
+            name_of_form = form.name.lower().replace("_", " ")
             letter = f"{form.letter}: " if form else ""
-            rows.append(f"{letter}{words}, {100 * shares[form.name.lower()]:.1f} %")
+            rows.append(f"{letter}{name_of_form}, {100 * shares[form.name.lower()]:.1f} %")
         return self._timeline("form", name, occurred, rows, [BLUE] * len(rows))
 
     def _timeline(

@@ -159,7 +159,7 @@ class Decades(LogFormatterSciNotation):
         if high > _NEAR * low and f"{x:.0e}"[0] not in "125":  # 3 and 4 would touch
             return ""
         formula = super().__call__(x, pos)
-        raised = re.sub(r"\^\{(.*?)\}", lambda found: found[1].translate(_RAISED), formula)
+        raised = re.sub(r"\^\{(.*?)\}", lambda power: power[1].translate(_RAISED), formula)
         return re.sub(r"\$|\\mathdefault|[{}]", "", raised).replace(r"\times", "·")
 
 
@@ -178,8 +178,8 @@ def logarithmic(panel: Axes, axes: str) -> None:
 def literal(panel: Axes) -> None:
     """Let the texts of axes, also of the user's own, stand as they are, $ and all."""
     texts = [panel.title, panel.xaxis.label, panel.yaxis.label, *panel.texts]
-    made = panel.get_legend()
-    for text in texts + ([] if made is None else made.get_texts()):
+    legend = panel.get_legend()
+    for text in texts + ([] if legend is None else legend.get_texts()):
         text.set_parse_math(False)
 
 

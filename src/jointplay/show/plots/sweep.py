@@ -114,7 +114,10 @@ def _line(dataset: xr.Dataset, part: xr.DataArray, x: str, y: str, look: dict[st
 
 def _band(at: np.ndarray, estimates: Sequence[Any], factor: float, look: dict[str, Any]) -> Curve:
     """Values as a line, and their confidence intervals, where they are known, as a band."""
-    middle, low, high = factor * np.array([(one.value, one.low, one.high) for one in estimates]).T
+    middle, low, high = (
+        factor
+        * np.array([(estimate.value, estimate.low, estimate.high) for estimate in estimates]).T
+    )
     return Curve(at, middle, low=low, high=high, **look)
 
 
@@ -156,12 +159,12 @@ def convergence_chart(dataset: xr.Dataset, measure: str, precision: float = 0.05
         COLOURS, (("mean", 0.5, "mean"), ("quantile", 0.95, "95 % quantile")), strict=False
     ):
         estimates = convergence(values, name, probability)
-        runs = np.array([one.runs for one in estimates])
+        runs = np.array([estimate.runs for estimate in estimates])
         look_of = {"colour": colour, "name": text}
         marks.append(_band(runs, estimates, scale(dataset, measure)[0], look_of))
         done = enough(estimates, precision)
         if done is not None:
-            words = f"{text}: {done} runs give {100 * precision:g} %"
-            marks.append(Rule(done, "x", words, colour, ":", 0.9))
+            legend = f"{text}: {done} runs give {100 * precision:g} %"
+            marks.append(Rule(done, "x", legend, colour, ":", 0.9))
     across, up = Axis("runs", log=True), Axis(label(dataset, measure))
     return Chart([[Panel(across, up, marks, legend="best")]], (6.0, 3.8))

@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from functools import cache
 from importlib.resources import files
 
-from jointplay.base.tables import Table
 from jointplay.model.gear import Gear
 from jointplay.physics.joints import JOINT_KINDS
 from jointplay.show.reports.cases import Case
@@ -62,8 +61,3 @@ def conditions(cases: Sequence[Case]) -> dict[str, bool]:
         "balanced": any(not any(machine.get("gravity", (1,))) for machine in machines),
         "unphysical": any(machine.get("allow_unphysical") for machine in machines),
     }
-
-
-def page_section() -> str:
-    """The table that the documentation's site has of them."""
-    return Table.of_texts([("runs with", "assumed"), *all_assumptions()]).markdown() + "\n"

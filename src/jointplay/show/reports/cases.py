@@ -17,15 +17,8 @@ from jointplay.show.plots import figures
 from jointplay.show.reports.html import Html, joined, markup, text
 from jointplay.show.reports.parts import Grid, Row
 from jointplay.simulation import analysis
+from jointplay.simulation.analysis import replay as replays
 from jointplay.simulation.analysis.parts import ToolError
-from jointplay.simulation.analysis.replay import (
-    Impact,
-    Replay,
-    follow,
-    largest_impacts,
-    replay,
-    window,
-)
 from jointplay.simulation.analysis.tool_error import Reference, compared
 from jointplay.simulation.result.result import COMPARED, Result
 from jointplay.simulation.result.variables import contact_names
@@ -44,8 +37,8 @@ class Case:
     error: xr.DataArray | None = None
     """The tool's deviation from the ideal one (time, axis) [m]; None for an ideal run."""
     turn: xr.DataArray | None = None  # the same of its orientation [rad]
-    replay: Replay | None = None
-    impacts: list[Impact] = field(default_factory=list)
+    replay: replays.Replay | None = None
+    impacts: list[replays.Impact] = field(default_factory=list)
     """The largest ones, step by step, one for each window of the replay."""
     notes: list[str] = field(default_factory=list)
     """What the reader must know of how this case was evaluated."""
@@ -196,7 +189,7 @@ def _measure(case: Case, ideals: Iterable[Case], say: Say) -> None:
 def follow_impacts(cases: Iterable[Case], number: int, say: Say) -> None:
     """Repeat the runs, and keep the largest impacts of each step by step."""
     for case in cases if number else ():
-        chosen = largest_impacts(case.result, number) if case.joints else []
+        chosen = replays.largest_impacts(case.result, number) if case.joints else []
         if not chosen:
             continue
         step = case.result.audit.step
@@ -205,7 +198,9 @@ def follow_impacts(cases: Iterable[Case], number: int, say: Say) -> None:
             mechanism = case.result.simulation.mechanism
             if contact_names(mechanism) != [str(name) for name in case.result["contact"].values]:
                 raise JointplayError("its contacts do not match its inputs")
-            repetition = replay(case.result, [window(place, i, step) for place, i in chosen])
+            repetition = replays.replay(
+                case.result, [replays.window(place, i, step) for place, i in chosen]
+            )
             if not repetition.faithful:
                 versions = case.result.dataset.attrs.get("versions", "unknown")
                 raise JointplayError(
@@ -218,6 +213,6 @@ def follow_impacts(cases: Iterable[Case], number: int, say: Say) -> None:
             continue
         case.replay = repetition
         case.impacts = [
-            follow(part, place.joint, place.contact)
+            replays.follow(part, place.joint, place.contact)
             for part, (place, _) in zip(repetition.windows, chosen, strict=True)
         ]

@@ -76,8 +76,8 @@ def _waypoints(text: str, case: Case) -> Grid:
 
 def _inputs(case: Case) -> Row:
     versions = json.loads(case.result.dataset.attrs.get("versions", "{}"))
-    made = {"made with": ", ".join(f"{name} {version}" for name, version in versions.items())}
+    made_with = {"made with": ", ".join(f"{name} {version}" for name, version in versions.items())}
     try:
-        return facts(Run(case.result.simulation)) | made
+        return facts(Run(case.result.simulation)) | made_with
     except JointplayError as error:  # such as a law of the user's own that may not be imported
-        return {"not shown": str(error)} | made
+        return {"not shown": str(error)} | made_with

@@ -168,7 +168,7 @@ def _column(head: str, rows: Sequence[Row]) -> Column:
     """The values of this name in all rows; None in those that have none."""
     cells = (row.get(head) for row in rows)
     known = [cell if isinstance(cell, tuple) else (cell, "") for cell in cells]
-    _, unit, *fine = max(known, key=lambda one: (len(one), one[1]))  # of a row that has it
+    _, unit, *fine = max(known, key=lambda cell: (len(cell), cell[1]))  # of a row that has it
     return Column(head, [value for value, *_ in known], unit, fine=any(fine))
 
 

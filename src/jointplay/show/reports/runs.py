@@ -41,7 +41,7 @@ from jointplay.show.reports.parts import (
 from jointplay.simulation import analysis
 from jointplay.simulation.analysis.bearings import Contacts
 from jointplay.simulation.analysis.headline import headline
-from jointplay.simulation.analysis.parts import DECISIVE
+from jointplay.simulation.analysis.parts import AGAINST, DECISIVE
 from jointplay.simulation.result.certificate import MARKED, CertifiedFigure
 from jointplay.simulation.result.result import AXES, Result
 
@@ -63,8 +63,7 @@ def glance(runs: Runs) -> Iterator[Part]:
                 answers.append((largest, markup("{}{}.", case.prefix, sentence)))
     answers.sort(key=lambda answer: -answer[0])
     yield from shortened(Points([sentence for _, sentence in answers]), "case")
-    caption = "Tool errors are against the ideal machine with the same drives, whose own errors "
-    caption += f"they leave out{runs.since}"
+    caption = f"Tool errors are {AGAINST}{runs.since}"
     grid = runs.by_case(lambda case: _figures(runs, case), caption=caption, name="glance")
     yield Beside([column for column in ([grid], [*_assumed(runs)], _picture(runs)) if column])
     yield from shortened(Points(_warnings(runs)), "warning")
@@ -131,7 +130,8 @@ def _assumed(runs: Runs) -> Iterator[Part]:
     for row in rows:
         section, _, name = row["value"].partition(".")
         name = name.rpartition(".")[2] or section
-        name = section.removesuffix("s") if name == "kind" else name.replace("_", " ")
+        name = section.removesuffix("s") if name in ("kind", "coulomb") else name
+        name = name.replace("_", " ")
         known = decisive if name in ("motion", *(d.replace("_", " ") for d in DECISIVE)) else others
         of = markup(" ({})", row["of"]) if row.get("of") else ""
         item = markup("{} {}{}", name, row["is"], of)

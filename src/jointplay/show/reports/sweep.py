@@ -47,7 +47,7 @@ def glance(dataset: xr.Dataset) -> Iterator[Part]:
         means = (factor * dataset[name]).mean([*over], skipna=True).transpose(*dims)
         if np.isfinite(means.values).any():
             ends = [_extreme(dataset, means, find, unit) for find in (np.nanargmin, np.nanargmax)]
-            ranges.append(f"{_words(name)}: {' to '.join(dict.fromkeys(ends))}")
+            ranges.append(f"{_spoken(name)}: {' to '.join(dict.fromkeys(ends))}")
     yield from shortened(Points(ranges), "figure")
     status = dataset["status"].values
     counts: dict[str, Any] = {
@@ -78,7 +78,7 @@ def _extreme(
     """The mean that `find` finds, and at which point of the grid."""
     place = np.unravel_index(int(find(means.values)), means.shape)
     where = [
-        f"{_words(d)} {sweep_table.coordinate_text(dataset, d, int(k))} "
+        f"{_spoken(d)} {sweep_table.coordinate_text(dataset, d, int(k))} "
         f"{sweep_table.scale(dataset, d)[1]}"
         for d, k in zip(map(str, means.dims), place, strict=True)
         if means.sizes[d] > 1
@@ -107,7 +107,7 @@ def _left_out(number: int, noun: str = "") -> Iterator[Part]:
         yield paragraph(f"{number} more {noun}are in the store.")
 
 
-def _words(name: str) -> str:
+def _spoken(name: str) -> str:
     return name.replace("_", " ")
 
 
@@ -120,7 +120,7 @@ def _varied(dataset: xr.Dataset) -> list[str]:
 def _known(dataset: xr.Dataset) -> dict[str, str]:
     """Measures that have values, and what they are called."""
     names = (name for name, _, _ in sweep_table.columns_of(dataset))
-    return {n: _words(n) for n in names if np.isfinite(dataset[n].values).any()}
+    return {n: _spoken(n) for n in names if np.isfinite(dataset[n].values).any()}
 
 
 def _lines(dataset: xr.Dataset) -> Iterator[Drawing]:
@@ -130,7 +130,7 @@ def _lines(dataset: xr.Dataset) -> Iterator[Drawing]:
         few = (d for d in dims if d != x and dataset.sizes[d] <= plots.MOST_LINES)
         hue = next(few, None)
         for name, label in _known(dataset).items():
-            yield Drawing(f"{label} over {_words(x)}", plots.chart(dataset, x, name, hue))
+            yield Drawing(f"{label} over {_spoken(x)}", plots.chart(dataset, x, name, hue))
 
 
 def _samples(dataset: xr.Dataset) -> Iterator[Drawing]:
@@ -139,7 +139,7 @@ def _samples(dataset: xr.Dataset) -> Iterator[Drawing]:
         return
     for name, label in _known(dataset).items():
         for x in dataset.attrs["sampled"]:
-            yield Drawing(f"{label} over {_words(x)}", plots.chart(dataset, x, name))
+            yield Drawing(f"{label} over {_spoken(x)}", plots.chart(dataset, x, name))
         title = f"{label}: how it settles with the number of runs"
         yield Drawing(title, plots.convergence_chart(dataset, name, _PRECISION))
 
@@ -157,7 +157,7 @@ def maps(dataset: xr.Dataset) -> Iterator[Part]:
     for name, label in _known(dataset).items() if len(dims) > 1 else ():
         x, y, *_ = dims
         yield Drawing(
-            f"{label} over {_words(x)} and {_words(y)}", plots.chart(dataset, x, y, z=name)
+            f"{label} over {_spoken(x)} and {_spoken(y)}", plots.chart(dataset, x, y, z=name)
         )
 
 

@@ -16,6 +16,8 @@ from jointplay.show.reports.charts import Charts, Times
 from jointplay.show.reports.html import Html, text
 from jointplay.show.reports.parts import Block, Drawing, Graph, Part, flat
 
+_PAGE = files("jointplay.show.reports") / "page"
+
 
 def page(
     title: str,
@@ -39,7 +41,7 @@ def page(
     if graphs:
         contents = {"charts": graphs, "start": start, "end": end}
         data = as_data(json.dumps(contents, separators=(",", ":"), allow_nan=False))
-        sources = (*map(static, ("page.js", "tracks.js", "chart.js")), _file("report.js"))
+        sources = (*map(static, ("page.js", "tracks.js", "chart.js")), static("report.js", _PAGE))
         scripts = [as_script("\n".join(sources))]
     environment = Environment(
         loader=PackageLoader("jointplay.show.reports", "page"),
@@ -52,7 +54,7 @@ def page(
     return environment.get_template("page.html").render(
         policy=policy(scripts),
         title=title,
-        look=as_script(f"{_file('report.css')}\n{static('chart.css')}"),
+        look=as_script(f"{static('report.css', _PAGE)}\n{static('chart.css')}"),
         subject=subject,
         versions=", ".join(f"{name} {version}" for name, version in versions.items()),
         blocks=blocks,
@@ -61,10 +63,6 @@ def page(
         data=data,
         scripts=scripts,
     )
-
-
-def _file(name: str) -> str:
-    return (files("jointplay.show.reports") / "page" / name).read_text("utf-8")
 
 
 _DARK = {"#000000": "#000, #e2e6ea", "#e6e6e6": "#e6e6e6, #2d343b"}

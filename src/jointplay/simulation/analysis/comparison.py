@@ -12,6 +12,7 @@ from jointplay.base.schema import differences, known_keywords, short
 from jointplay.base.tables import Column, Table
 from jointplay.base.units import rounded
 from jointplay.simulation.analysis.headline import figures
+from jointplay.simulation.analysis.parts import AGAINST, counted_causes
 from jointplay.simulation.analysis.tool_error import (
     compare_tools,
     difference,
@@ -59,6 +60,8 @@ class Comparison:
     pairs: tuple[Pair, ...]
     apart: tuple[float, float] | None
     """Peak and RMS distance of the two tools at the same time [m]; None: of different frames."""
+    causes: tuple[str, ...] = ()
+    """What the tool's error counts in each, ``play and elasticity``; none where it is not known."""
 
     @property
     def table(self) -> Table:
@@ -84,7 +87,16 @@ class Comparison:
 
     def __str__(self) -> str:
         inputs = str(self.inputs_table) if self.inputs else "none"
-        return "\n".join([self.answer, "", "inputs that differ:", inputs, "", str(self.table)])
+        heading = [f"tool errors are {self._by}, {AGAINST}:"] if self.causes else []
+        lines = [self.answer, "", "inputs that differ:", inputs, "", *heading, str(self.table)]
+        return "\n".join(lines)
+
+    @property
+    def _by(self) -> str:
+        if len(set(self.causes)) == 1:
+            return f"by {self.causes[0]}"
+        named = zip(self.causes, self.labels, strict=True)
+        return " and ".join(f"by {cause} in {label}" for cause, label in named)
 
     @property
     def answer(self) -> str:
@@ -95,7 +107,9 @@ class Comparison:
         answers = []
         if main is not None:
             pair = pairs[main]
-            sentence = f"{main} {_shown(pair.second)} in {second}, {_shown(pair.first)} in {first}"
+            by = f" {self._by}:" if self.causes else ""
+            sentence = f"{main}{by} {_shown(pair.second)} in {second}, "
+            sentence += f"{_shown(pair.first)} in {first}"
             if math.isfinite(pair.ratio):
                 sentence += f": {pair.ratio:.3g} times as much"
             if pair.beyond_errors is False:
@@ -144,7 +158,11 @@ def compare(results: Mapping[str, Result], progress: bool = False) -> Comparison
     if a.simulation.mechanism.tool == b.simulation.mechanism.tool:
         off = error_statistics(difference(b, a), 0.0)
         apart = float(off.peak[-1]), float(off.rms[-1])
-    return Comparison((first, second), tuple(differences(inputs(a), inputs(b))), pairs, apart)
+    causes: tuple[str, ...] = ()
+    if any("tool error" in pair.name for pair in pairs):
+        causes = tuple(map(counted_causes, (a, b)))
+    inputs_apart = tuple(differences(inputs(a), inputs(b)))
+    return Comparison((first, second), inputs_apart, pairs, apart, causes)
 
 
 def _figures(result: Result) -> dict[str, CertifiedFigure]:

@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 COUNTS = 0.01
 """Part of the whole error from which on that of the drives is told; rigid ones leave a millionth.
 """
+AGAINST = "against the ideal mechanism with the same drives, whose own errors they leave out"
+"""What figures of the tool's error that certificates state are measured against."""
 STANDS_M = 1e-9
 """A point that moves by less stands: that much is rounding."""
 
@@ -334,6 +336,16 @@ def has_both(mechanism: Mechanism) -> bool:
         return False
     still = mechanism.without("play")
     return still is not mechanism and still is not mechanism.without("elasticity")
+
+
+def counted_causes(result: Result) -> str:
+    """Whose errors figures of the tool count that certificates state, as `run` names them."""
+    if result.beside is not None:
+        return "all that is left of the motion as it was meant"
+    mechanism = result.simulation.mechanism
+    plays = mechanism.without("play") is not mechanism
+    both = " and elasticity" if has_both(mechanism) else ""
+    return f"play{both}" if plays else "elasticity"
 
 
 def cause(result: Result) -> str:

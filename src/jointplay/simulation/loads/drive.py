@@ -462,10 +462,10 @@ def assign(
         raise MissingName("moving joint", unknown[0], joints)
     for name, stated in ({} if motion is None else motion.units).items():
         if stated != (unit := mechanism.description.joints[name].unit):
-            words = (
+            message = (
                 f"joint {name!r} has positions in {unit}, the motion's file has them in {stated}"
             )
-            raise JointplayError(words, where=("motion",))
+            raise JointplayError(message, where=("motion",))
     for name, chosen in drives.items():
         if not isinstance(chosen, Drive):
             raise JointplayError(f"joint {name!r} needs a drive, got {chosen!r}")
