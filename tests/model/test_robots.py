@@ -213,8 +213,8 @@ def test_the_list_is_kept_until_a_robot_is_another(monkeypatch, tmp_path):
     monkeypatch.setattr(robots, "share", lambda: tmp_path)
     urdf.parent.mkdir(parents=True)
     urdf.write_text(ARM_WITH_HAND)
-    loaded, own = [], robot_list._found
-    monkeypatch.setattr(robot_list, "_found", lambda places: loaded.append(1) or own(places))
+    loaded, own = [], robot_list._listed
+    monkeypatch.setattr(robot_list, "_listed", lambda places: loaded.append(1) or own(places))
 
     def listed(times):
         loaded.clear()

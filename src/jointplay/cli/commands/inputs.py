@@ -376,8 +376,8 @@ def simulation_of(
 
     scenario = scenario_of(options)
     simulation = scenario.simulation(options.case)
-    refuse(simulation)
     scenario.ready_run(options.case)  # says what cannot be, with its line
+    refuse(simulation)
     lines = decisive(scenario, {options.case or scenario.cases[0]: simulation})
     for line in commands.first_notes(lines, getattr(options, "detail", True)):
         streams.note(line)
