@@ -313,7 +313,7 @@ WITH_BOUNDS = ("conservation", "bristles", "oil")
 """Physics that is tested once more with the bounds of arrays checked."""
 
 
-@pytest.mark.thorough  # compiles all, which takes a minute
+@pytest.mark.nightly  # compiles all, which takes a minute and more
 def test_no_array_of_the_kernels_is_left_where_bounds_are_checked(tmp_path):
     """Each is opened with the shape that `layout` declares; a wrong one is not left unnoticed."""
     env = {name: value for name, value in os.environ.items() if not name.startswith("PYTEST_")}
