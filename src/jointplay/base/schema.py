@@ -401,7 +401,7 @@ def names_of(kind: Any) -> Sequence[str]:
 
 
 T = TypeVar("T")
-Made = TypeVar("Made", bound=Callable[..., Any])
+Target = TypeVar("Target", bound=Callable[..., Any])
 
 
 class Described:
@@ -722,7 +722,7 @@ def require_keywords(function: Any, given: Iterable[str], name: str) -> None:
             raise JointplayError(unknown_key(key, keys, f" of {name}"), where=(key,))
 
 
-def known_keywords(target: Made) -> Made:
+def known_keywords(target: Target) -> Target:
     """The same function, or class, which answers a wrong keyword with the nearest that it takes.
 
     Of a class its constructor and its class methods do; a `Described` one does so by itself.
@@ -738,7 +738,7 @@ def known_keywords(target: Made) -> Made:
         require_keywords(taken, keywords, name)
         return target(*arguments, **keywords)
 
-    return cast(Made, call)
+    return cast(Target, call)
 
 
 def _know_class_methods(kind: type) -> None:

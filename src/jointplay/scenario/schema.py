@@ -27,7 +27,7 @@ _TYPES = {bool: "boolean", int: "integer", str: "string"}
 
 
 def schema() -> dict[str, Any]:
-    """Keys, names and units of a scenario file, cases included.
+    """Keys, words and units of a scenario file, cases included.
 
     What is missing it does not say: any case can give what the file's own tables leave out, and
     only both together must be complete. `jointplay check` tells.
@@ -154,7 +154,7 @@ class SchemaTables:
         return array
 
     def family(self, family: Family) -> dict[str, Any]:
-        """Schema of what a word chooses: tables, and bare names for those that need no more."""
+        """Schema of what a word chooses: tables, and bare words for those that need no more."""
         tables, bare = [], []
         for word in family.members:
             preset = family.member(word)
