@@ -126,9 +126,9 @@ def add_prescribed_power(run, v, a):
 
 @compiled
 def _bend(row, bend, speed, elapsed):
-    """Deflection of bristles after `elapsed` [s], exact for constant speed, and where they slide.
+    """Deflection of bristles after `elapsed` [s], exact for constant speed, and their limit.
 
-    They slide at the presliding deflection, less by the Stribeck curve at this speed.
+    The limit, at which they slide, is the presliding deflection times the Stribeck curve.
     """
     ratio = speed / row.stribeck
     dry = row.coulomb + row.stiction * math.exp(-ratio * ratio)
@@ -270,7 +270,8 @@ def _apply_servos(run, q, v, time, tau):
         position = between_rows(before, after, part, 0, servo.column)
         speed = between_rows(before, after, part, 1, servo.column)
         if servo.period > 0.0:
-            # At a sample the voltage jumps; the step across it gets the mean of both sides.
+            # At a sample the voltage jumps. The state there stands for half a step on either side,
+            # and gets the mean.
             if time >= servo.next_sample - ROUNDING * servo.period:
                 servo.held_before = servo.held
                 _commit_servo(servo, servo.sampled_at)

@@ -1,12 +1,12 @@
-"""Single-rate methods: explicit, with Pinocchio's acceleration at every stage.
+"""Single-rate methods: explicit Euler and Runge-Kutta, with Pinocchio's acceleration every stage.
 
 A stage is one compiled call and one `pin.aba` call:
 
     record state n, integrate to n+1, drive efforts and contact forces at n+1  -> tau
     pin.aba(model, data, q, v, tau)                                            -> data.ddq
 
-Where joints are reached through frames, Pinocchio's Jacobians come between, and
-`evaluate_forces` after them.
+Where joints are reached through frames, the compiled call stops before the forces; Pinocchio finds
+the Jacobians, and a second call, `evaluate_forces`, goes on.
 """
 
 from __future__ import annotations
@@ -52,7 +52,10 @@ _RUN_AWAY = int(Status.RUN_AWAY)
 
 @compiled
 def _evaluate_joint(run, j, q, v, tau, time, elapsed):
-    """Add joint j's forces to tau, its losses to powers; the last state was `elapsed` [s] ago."""
+    """Add joint j's forces to tau and its losses to the powers.
+
+    `elapsed` is the time since the last state of the trajectory [s].
+    """
     joint = run.joints[j]
     if joint.first >= 0:
         pose_of_virtual_link(q, joint)
@@ -78,10 +81,10 @@ def _evaluate_joint(run, j, q, v, tau, time, elapsed):
 
 @compiled
 def _evaluate_state(run, q, v, time):
-    """Generalised forces tau and powers at state (q, v).
+    """Find generalised forces tau and powers at state (q, v).
 
-    With `run.commit` the state is one of the trajectory, not an intermediate stage: the contacts'
-    memories are then updated.
+    With `run.commit` the state is one of the trajectory, not an intermediate stage: the history of
+    contacts, gears, servos and bristles is then updated.
     """
     nv = run.nv
     tau = run.tau
@@ -107,8 +110,8 @@ def _evaluate_state(run, q, v, time):
         commit_gears(run)
     elapsed = run.dt if committed and run.step > 0 else time - run.time
     duration = run.dt if run.step > 0 else 0.0
-    # Euler's method, whose velocities are those of the step's end, is stable with bristles that
-    # are, too.
+    # Bristles are kept half a step ahead with Runge-Kutta; with Euler's method, whose velocities
+    # are those of the step's end, it is stable if bristles are those of the end, too.
     ahead = 0.5 * run.dt if run.averaged != 0 else 0.0
     if committed:
         commit_bristles(run, v, ahead)
@@ -125,13 +128,13 @@ def _evaluate_state(run, q, v, time):
 
 @compiled
 def evaluate_forces(run):
-    """Forces at the state that a method prepared, Jacobians given."""
+    """Find the forces at the state that `_prepare_evaluation` left, Pinocchio's Jacobians given."""
     _evaluate_state(run, run.q, run.v, run.load_time)
 
 
 @compiled
 def _prepare_evaluation(run, q, v, time, commit):
-    """Prepare the acceleration at state (q, v), or leave that to `evaluate_forces`."""
+    """Find the forces at state (q, v), or leave that to `evaluate_forces` if it needs Jacobians."""
     run.commit = 1 if commit else 0
     if run.prescribed != 0:
         prescribe_motion(run, q, v, time)
@@ -143,13 +146,13 @@ def _prepare_evaluation(run, q, v, time, commit):
 
 @compiled
 def begin(run, commit):
-    """Forces at the current state."""
+    """Find the forces at the current state, one of the trajectory if `commit`."""
     _prepare_evaluation(run, run.q, run.v, run.time, commit)
 
 
 @compiled
 def semi_implicit_euler(run):
-    """Step by v += a dt, q += v dt (first order)."""
+    """Do a step of the semi-implicit Euler method, v += a dt, then q += v dt (first order)."""
     nv = run.nv
     q, v, a = run.q, run.v, run.a
     complete_step(run)
@@ -168,10 +171,10 @@ def semi_implicit_euler(run):
 
 @compiled
 def runge_kutta_4(run):
-    """One stage of the classical Runge-Kutta method.
+    """Do one stage of the classical Runge-Kutta method.
 
     The works are integrated with the state, as further components, and so is the impulse of each
-    force: what is recorded is its mean over the step that led to the state.
+    force: the force recorded is its mean over the step that led to the state.
     """
     nv = run.nv
     q, v, a = run.q, run.v, run.a

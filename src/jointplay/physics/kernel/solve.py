@@ -60,7 +60,8 @@ RELATIVE_TOLERANCE = 1e-11
 MOST_LISTED = 0.75
 """Part of all coordinates beyond which all are solved for: their rows of M^-1 need no copying."""
 SINGLE = 6
-"""Coordinates of one joint with clearance; the compiler unrolls loops of this known length."""
+"""Coordinates of one joint with clearance: loops of this length are compiled separately, their
+length known to the compiler."""
 CONTRACTION = 0.1
 """Ratio of successive residuals above which a kept Newton matrix is computed anew."""
 REFINED = 0.05
