@@ -147,7 +147,7 @@ def check_fields(value: Any) -> None:
         if _as_in_files(field.hint, stated):
             try:
                 with within(name):
-                    stated = make(_field(field, stated))
+                    stated = make(_check_field(field, stated))
             except JointplayError as error:
                 place = ".".join(map(str, error.where))
                 raise JointplayError(f"{place}: {error}", error.where) from None
@@ -554,19 +554,19 @@ def check(kind: Any, data: Any, units: tuple[str, ...] = ("",)) -> Any:
             raise JointplayError(one_of(kind.__name__.lower(), data, names)) from None
     family = family_of(kind)
     if family is not None:
-        return _chosen(family, data)
+        return _check_member(family, data)
     origin, parts = get_origin(kind), get_args(kind)
     if origin in (Union, types.UnionType):
-        return _one_of_several(data, parts, units)
+        return _check_union(data, parts, units)
     table = dataclasses.is_dataclass(kind) or getattr(kind, "written", None)
     if isinstance(kind, type) and table:
-        return _table(kind, data, None, {})
+        return _check_table(kind, data, None, {})
     if origin is not None and origin is not Literal:
-        return _collection(origin, parts, data, units)
-    return _simple(kind, data, units)
+        return _check_collection(origin, parts, data, units)
+    return _check_simple(kind, data, units)
 
 
-def _chosen(family: Family, data: Any) -> Draft:
+def _check_member(family: Family, data: Any) -> Draft:
     """Check data of a family's member: a table with the selecting word, the word, or a number."""
     key, noun, members = family.key, family.noun, family.members
     place = (key,) if isinstance(data, Mapping) else ()
@@ -584,10 +584,12 @@ def _chosen(family: Family, data: Any) -> Draft:
     if not isinstance(word, str) or word not in members:
         raise JointplayError(one_of(noun, word, members), where=place)
     member = family.member(word)
-    return _table(member.kind, data, (key, word), member.given)
+    return _check_table(member.kind, data, (key, word), member.given)
 
 
-def _table(kind: type, data: Any, word: tuple[str, str] | None, preset: Mapping[str, Any]) -> Draft:
+def _check_table(
+    kind: type, data: Any, word: tuple[str, str] | None, preset: Mapping[str, Any]
+) -> Draft:
     """Check a table of the fields of a class; `word` is the selecting key and word, if any."""
     fields = {name: field for name, field in fields_of(kind).items() if name not in preset}
     selector = getattr(kind, "selector", None)
@@ -608,7 +610,7 @@ def _table(kind: type, data: Any, word: tuple[str, str] | None, preset: Mapping[
     for name in data:  # in the order of the file, so that its first error is reported
         if name in fields:
             with within(name):
-                values[name] = _field(fields[name], data[name])
+                values[name] = _check_field(fields[name], data[name])
     missing = [name for name, field in fields.items() if field.required and name not in data]
     if missing:
         several = len(missing) > 1
@@ -619,7 +621,7 @@ def _table(kind: type, data: Any, word: tuple[str, str] | None, preset: Mapping[
     return Draft(kind, word[1] if word else None, values)
 
 
-def _field(field: Field, data: Any) -> Any:
+def _check_field(field: Field, data: Any) -> Any:
     """Check the value of a field: one of its words, or data of its type."""
     if not field.finite and isinstance(data, float) and not math.isfinite(data):
         return data
@@ -639,7 +641,7 @@ def is_word(hint: Any) -> bool:
     return hint in (str, str | None)
 
 
-def _one_of_several(data: Any, parts: Sequence[Any], units: tuple[str, ...]) -> Any:
+def _check_union(data: Any, parts: Sequence[Any], units: tuple[str, ...]) -> Any:
     """Check data of a union: None where that is possible, else the first type that fits."""
     if data is None and type(None) in parts:
         return None
@@ -654,7 +656,8 @@ def _one_of_several(data: Any, parts: Sequence[Any], units: tuple[str, ...]) -> 
     raise max(errors, key=lambda error: len(error.where))  # of the type that fits best
 
 
-def _collection(origin: Any, parts: Sequence[Any], data: Any, units: tuple[str, ...]) -> Any:
+def _check_collection(origin: Any, parts: Sequence[Any], data: Any, units: tuple[str, ...]) -> Any:
+    """Check a table by name, a list, or a tuple; `parts` are the types of the entries."""
     if issubclass(origin, Mapping):
         if not isinstance(data, Mapping):
             raise JointplayError(f"expected a table, got {toml_text(data)}")
@@ -685,7 +688,8 @@ _EXPECTED = {
 }
 
 
-def _simple(kind: Any, data: Any, units: tuple[str, ...]) -> Any:
+def _check_simple(kind: Any, data: Any, units: tuple[str, ...]) -> Any:
+    """Check a number (converted to SI), a text, a truth value or a literal."""
     if kind is float:
         try:
             measured = convert(data, *units)

@@ -254,14 +254,6 @@ def _commit_servo(servo, time):
 
 
 @compiled
-def _commit_servos(run):
-    """See `commit_servos`."""
-    for servo in run.servos:
-        if servo.period == 0.0:
-            _commit_servo(servo, run.time)
-
-
-@compiled
 def _apply_servos(run, q, v, time, tau):
     """See `apply_servos`."""
     before, after, part = reference_rows(run, time)
@@ -304,7 +296,9 @@ def servos(address, q, v, tau, time, task):
     run = run_at(address)
     nv = run.nv
     if task == _COMMIT:
-        _commit_servos(run)
+        for servo in run.servos:
+            if servo.period == 0.0:
+                _commit_servo(servo, run.time)
     else:
         _apply_servos(run, carray(q, (nv,)), carray(v, (nv,)), time, carray(tau, (nv,)))
 

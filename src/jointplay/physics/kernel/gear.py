@@ -80,13 +80,6 @@ def _place_gears(run, q):
 
 
 @compiled
-def _commit_gears(run):
-    """See `commit_gears`."""
-    for gear in run.gears:
-        _commit_gear(gear)
-
-
-@compiled
 def mark_gears(run, marks):
     """Mark the coordinates on which gears act."""
     for gear in run.gears:
@@ -187,7 +180,8 @@ def gears(address, q, v, tau, _time, task):
     if task == _PLACE:
         _place_gears(run, carray(q, (nv,)))
     elif task == _COMMIT:
-        _commit_gears(run)
+        for gear in run.gears:
+            _commit_gear(gear)
     elif task == _APPLY:
         _apply_gears(run, carray(v, (nv,)), carray(tau, (nv,)))
     elif task == _SLOPES:

@@ -51,12 +51,6 @@ def _evaluate(joint, mode):
 
 
 @compiled
-def _gap(joint):
-    """See `element_gap`."""
-    return -_evaluate(joint, FORCES)[DEEPEST]
-
-
-@compiled
 def _find(run, j, joint):
     """See `find_elements`."""
     out = _evaluate(joint, BOUNDED)
@@ -192,7 +186,7 @@ def elements(run_address, joint_address, j, task):
     """Carry out one of the tasks above for a joint with elements (`access.PART`)."""
     joint = joint_at(joint_address)
     if task == _GAP:
-        return _gap(joint)
+        return -_evaluate(joint, FORCES)[DEEPEST]
     if task == _ADD_SLOPE:
         _add_slope(joint)
         return 0.0
