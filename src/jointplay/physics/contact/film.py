@@ -13,7 +13,7 @@ the exact moment to first order in the tilt (Gauss points).
 
 The film of a nearly touching journal is a damper far too stiff for an explicit step. In explicit
 methods the kernel therefore lets the force follow the law with a lag, which is nothing where the
-step resolves the film and else just long enough to be stable (docs/theory.md).
+step resolves the film and else just long enough to be stable (docs/bearings.md).
 """
 
 from __future__ import annotations

@@ -151,12 +151,12 @@ def _normal_force(joint, contact, rate):
     The approach speed is the largest since the contact began. For an impact that is the speed at
     its onset (eq. 14), for |ddelta| only falls from there.
 
-    Hysteresis laws divide by it, which makes no sense of a contact that began at rest: referred to
-    its own smallest rates the damper would be a brake, which no explicit step follows. Damping is
-    therefore referred to the speed at which `rest_mass` would have stored the energy that the
+    Hysteresis laws divide by it, and say nothing of a contact that began at rest: referred to its
+    own smallest rates the damper would be a brake, which no explicit step follows. Damping is
+    therefore referred to the speed at which `rest_mass` would have brought the energy that the
     contact holds, if that is more: a damper that depends smoothly on depth and rate. Impacts are
     not affected, for `rest_mass` is far larger than the masses they meet, and an impact never holds
-    more energy than it came with.
+    more energy than it came with (docs/theory.md).
     """
     approach = max(abs(rate), MIN_APPROACH_SPEED)
     if contact.steps > 0.0:

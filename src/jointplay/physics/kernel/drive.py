@@ -156,7 +156,7 @@ def _joint_friction(row, speed, elapsed):
     if row.presliding > 0.0:
         more = abs(speed) * _DIFFERENCE + _LEAST_DIFFERENCE
         further = _bristle_friction(row, speed + more, elapsed)
-        friction = _bristle_friction(row, speed, elapsed)
+        friction = _bristle_friction(row, speed, elapsed)  # last: `bend` and `torque` are these
         return friction, (further - friction) / more
     ratio = speed / row.stribeck
     excess = row.stiction * math.exp(-ratio * ratio)

@@ -66,11 +66,14 @@ def _section_state(joint, section):
 def _lagged_force(run, joint, section, place, velocity):
     """Force and moment of a section, lagged so that an explicit step can follow a stiff film.
 
-    Where dt C/m is not small, C being the damping, the force is a weighted mean of the law's and
-    of the last step's, such that a mass m stays stable; a steady force is exact (docs/theory.md).
+        F_n = [F(v_n + s (v_n - v_{n-1})) + lambda F_{n-1}]/(1 + lambda),
+        lambda = C dt/m,  s = lambda/(1 + lambda)
+
+    with the damping C: a mass m stays stable, and steady forces are exact (docs/bearings.md).
     """
     e, part, direction = place
     memory = joint.film_memory
+    # s follows from the damping at v_n, lambda from that at the extrapolated velocity.
     fx, fy, turn, damping = _evaluate_law(run, joint, e, part, direction, velocity)
     stiff = damping * run.dt / joint.lag_mass
     ahead = stiff / (1.0 + stiff)
@@ -100,7 +103,7 @@ def _add_slope(run, joint, place, velocity, arm, force):
         fx, fy, _, _ = _evaluate_law(run, joint, e, part, direction, (ux, uy))
         column = ((fx - force[0]) / more, (fy - force[1]) / more, 0.0)
         turned = cross(arm, column)
-        # Velocity of the section per angular velocity: row c of -[arm].
+        # Rate of the velocity's component c per angular velocity: row c of -[arm].
         lever = (0.0, arm[2], -arm[1]) if c == 0 else (-arm[2], 0.0, arm[0])
         for r in range(3):
             wrench_slope[r, c] += column[r]

@@ -125,12 +125,14 @@ def pose_of_frames(run, joint, pose, jacobian):
     journal, place = _world_pose(
         joint.journal_rotation, joint.journal_translation, joint.journal_placement
     )
+    # The journal's centre and orientation in bearing axes: R_b^T (p_j - p_b), R_b^T R_j.
     set_vector(pose, 0, _rotate_back(bearing, add_scaled(place, -1.0, origin)))
     for i in range(3):
         row = (0.0, 0.0, 0.0)
         for k in range(3):
             row = add_scaled(row, bearing[k][i], journal[k])
         set_vector(pose, 3 + 3 * i, row)
+    # Jacobian columns, from the point at the world's origin to the journal's centre.
     n = joint.nsupport
     columns = run.world_jacobian
     support, signs = joint.support, joint.signs

@@ -110,6 +110,7 @@ def _evaluate_loads(run, q, v, marks):
             _read_positions(load, q)
         load.active = 0
         if load.stores == 0:
+            # Without energy all of it is explicit.
             _read_velocities(load, v)
             _evaluate_law(load, run.time)
             _project_forces(load, 1.0, load.out, tau)
@@ -117,6 +118,7 @@ def _evaluate_loads(run, q, v, marks):
         _evaluate_law_at_rest(load, run.time)
         elastic = load.elastic[0]
         _project_forces(load, 1.0, elastic, tau)
+        # The rest takes part in the velocity solve, if there is any.
         pressed = load.implicit == ALWAYS
         if load.implicit == IF_PRESSED:
             for i in range(elastic.size):

@@ -80,11 +80,12 @@ def _inverse_mass_of(rows, minv, r):
 
 @compiled
 def _constrain(run, minv, residual, x):
-    """Project `minv` onto the motions that the rows allow; correct x (2, nv) by the residuals."""
+    """Impose all rows on `minv`, and correct both rows of x (2, nv) by their residuals."""
     nv, size = run.nv, 3 * run.nh
     rows = run.loop_rows
     first = 0.0
     for step in range(size):
+        # The row with the largest j M^-1 j that is left, unless all are redundant.
         best, most = -1, 0.0
         for r in range(size):
             mass = _inverse_mass_of(rows, minv, r)
@@ -99,6 +100,7 @@ def _constrain(run, minv, residual, x):
             u[i] = 0.0
             for k in range(nv):
                 u[i] += minv[i, k] * rows[best, k]
+        # Correct x so that the row holds, and take its direction out of M^-1.
         for column in range(2):
             open_by = residual[column, best]
             for i in range(nv):

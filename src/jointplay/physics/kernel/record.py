@@ -156,6 +156,7 @@ def write_interpolated(run, time, elapsed, h):
     a0, a1 = run.earlier_a[0], run.a
     for c in range(row.size):
         row[c] = earlier[c] + part * (later[c] - earlier[c])
+    # Then what is smoother than a line.
     row[at[TIME]] = time
     for i in range(run.nv):
         q, v = at[Q] + i, at[V] + i

@@ -94,6 +94,7 @@ def _evaluate_state(run, q, v, time):
         size += abs(v[i])
     for i in range(_NP):
         run.power[i] = 0.0
+    # Forces on coordinates: drives, joint friction, gears, loads.
     apply_drives(run, q, v, time, tau)
     apply_servos(run, q, v, time, tau)
     add_drive_power(run, v)
@@ -116,6 +117,7 @@ def _evaluate_state(run, q, v, time):
     if committed:
         commit_bristles(run, v, ahead)
         commit_servos(run)
+    # Forces of the joints with clearance.
     for j in range(run.nj):
         _evaluate_joint(run, j, q, v, tau, time, elapsed)
         if committed:
@@ -183,6 +185,7 @@ def runge_kutta_4(run):
     complete_step(run)
     if stage == 0 and is_due(run, run.step):
         write_record(run)
+    # Add this stage's rates, weighted by 1/6, 1/3, 1/3, 1/6, to the sums.
     weight = dt / 6.0 if stage == 0 or stage == 3 else dt / 3.0
     for i in range(_NP):
         before = 0.0 if stage == 0 else run.stage_work[i]
@@ -190,6 +193,7 @@ def runge_kutta_4(run):
     add_stage_work(run, stage, weight)
     for j in range(run.nj):
         average_stage_forces(run.joints[j], run.contacts[j], stage, weight / dt)
+    # Go on to the next stage, at 1/2, 1/2 and 1 of the step, or to its end.
     ahead = dt if stage == 2 else 0.5 * dt
     advance_cages_by_stage(run, v, stage, weight, ahead)
     for i in range(nv):
