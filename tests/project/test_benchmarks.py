@@ -18,7 +18,7 @@ SCRIPTS = runpy.run_path(str(FOLDER))["scripts"]()
 @pytest.mark.thorough
 @pytest.mark.parametrize("name", [name for name in SCRIPTS if name != "fuzz"])
 def test_benchmark_ends_well_in_its_quick_form(name, tmp_path):
-    """That of `fuzz` has a test of its own; those that time starts or kill processes are started."""
+    """That of `fuzz` has a test of its own; what times starts or kills processes is started."""
     before = states(ROOT / "docs")
     started = SCRIPTS[name].parent.name in ("cost", "robustness")
     command = [sys.executable if started else PYTHON, FOLDER, name, "--quick"]
