@@ -104,7 +104,7 @@ def main() -> None:
         missing, output = answered(thread)
         rows.append({"source": thread.source, "answered": not missing, "output": output})
         table.append([thread.source, thread.asks, missing or "answered"])
-    robots = ROBOTS[:3] if args.quick else ROBOTS
+    robots = ROBOTS[:1] if args.quick else ROBOTS
     for robot in ProgressBar(robots, "robots", unit="robot"):
         output = typed(f'jointplay budget {robot} --gear all="0.5 deg"', Path.cwd())
         first = output.strip().splitlines()[0] if output.strip() else ""
@@ -114,7 +114,7 @@ def main() -> None:
     benchmark.finish(["where", "asked", "answer"], table, rows)
     count = sum(row["answered"] for row in rows[: len(threads)])
     good = sum(row["answered"] for row in rows[len(threads) :])
-    axes = 10 if args.quick else args.axes
+    axes = 3 if args.quick else args.axes
     print(
         f"threads {count} of {len(threads)} answered, robots {good} of {len(robots)} at first "
         f"typing, lost motion {held(axes, args.seed):.1f} % of intervals hold"

@@ -102,7 +102,7 @@ def main() -> None:
         quickly=(0, "1: all warm up within the first moves"),
     )  # fmt: skip
     args = benchmark.parse()
-    number = min(args.axes, 40) if args.quick else args.axes
+    number = min(args.axes, 12) if args.quick else args.axes
     rows = measured(number, args.seed, QUICKLY if args.quickly else SLOWLY)
     table = []
     for what in ("interval", "bound", "cannot tell"):

@@ -296,7 +296,7 @@ def test_no_cheaper_choice_of_classes_keeps_the_target(rolling, target):
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("cost", ["reciprocal", "linear"])
+@pytest.mark.parametrize("cost", [pytest.param("reciprocal", marks=pytest.mark.nightly), "linear"])
 def test_sizes_and_classes_are_chosen_together_and_no_other_choice_is_cheaper(rolling, cost):
     journal = RevoluteClearance(radial_clearance=5e-5, axial_clearance=5e-5)
     joints = {**rolling.clearance, "shoulder_lift_joint": journal, "wrist_2_joint": journal}
@@ -644,7 +644,9 @@ def moving_gantry():
 
 
 @later
-@pytest.mark.parametrize("machine", [moving_scara, moving_ur5, moving_gantry])
+@pytest.mark.parametrize(
+    "machine", [moving_scara, pytest.param(moving_ur5, marks=pytest.mark.nightly), moving_gantry]
+)
 def test_no_run_leaves_more_at_a_stop_than_compensation_is_said_to(machine):
     """Play 30 % larger or smaller; of the stretched SCARA neither on the way."""
     simulation = machine()

@@ -257,7 +257,7 @@ def test_a_controller_of_several_joints_hunts_as_servos_of_its_gains_do():
             assert one.frequency == pytest.approx(other.frequency, rel=0.01)
 
 
-@pytest.mark.thorough
+@pytest.mark.nightly
 def test_a_controller_of_several_joints_has_a_safe_gain_by_name():
     quick = {"starts": (2.0,), "jobs": 1}
     found = hunting.hunting(arm(400.0, kd=20.0, **RUBS), pose=POSE, gain="kp", **quick)
@@ -443,9 +443,10 @@ def independent(one, start, lasts=20.0):
     return 0.5 * np.ptp(done.y[0][done.t > 0.8 * lasts])
 
 
+@pytest.mark.thorough
 def test_an_arm_that_shakes_upright_is_calm_where_it_bows_as_integrated_anew(urdf):
-    (found,) = calm.calm(bowing(urdf, "link"), positions=9, jobs=1)
-    upright = found.positions[4]
+    (found,) = calm.calm(bowing(urdf, "link"), positions=5, jobs=1)
+    upright = found.positions[2]
     assert upright.verdict == "shakes: play"
     assert upright.swing.amplitude == pytest.approx(
         independent(upright.axis, 2.0 * GEAR.play), rel=0.05
@@ -453,7 +454,7 @@ def test_an_arm_that_shakes_upright_is_calm_where_it_bows_as_integrated_anew(urd
     verdicts = [one.verdict for one in found.positions]
     assert "calm" in verdicts
     assert " is calm " in found.sentence
-    for position in found.positions[4:]:
+    for position in found.positions[2:]:
         largest = max(independent(position.axis, start * GEAR.play) for start in (0.5, 2.0, 8.0))
         assert (largest > 0.01 * GEAR.play) == (position.verdict != "calm")
         if position.calm_gain is not None and position.verdict != "calm":

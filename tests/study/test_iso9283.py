@@ -237,7 +237,10 @@ def test_teeth_of_an_upright_arm_lie_on_two_flanks_half_its_play_apart_by_static
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize(("gain", "low", "high"), [(38.6, 0.15, 0.45), (19.3, 0.3, 0.9)])
+@pytest.mark.parametrize(
+    ("gain", "low", "high"),
+    [(38.6, 0.15, 0.45), pytest.param(19.3, 0.3, 0.9, marks=pytest.mark.nightly)],
+)
 def test_a_servo_with_a_lever_of_10_cm_repeats_as_owners_measure(urdf, gain, low, high):
     # +-0.3 mm with a dial on a lever of 10 cm, steps of 20 counts to and fro, whose probe keeps
     # the teeth on one side: github TheRobotStudio/SO-ARM100, issue 134. Friction and dead band over
