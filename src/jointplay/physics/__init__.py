@@ -1,4 +1,4 @@
-"""Physics of joints with clearance: geometry, contact laws, kinds of joint, the compiled time loop.
+"""Physics of joints: geometry, contact laws, kinds of joint, the compiled time loop.
 
 `geometry` finds where bodies touch, `contact` has the laws of force (eqs 10 to 21 and others),
 `joints` the kinds of joint with clearance, and `kernel` the compiled code that steps through time.
