@@ -147,12 +147,12 @@ def within(*place: str | int) -> Iterator[None]:
 
 def require_a(name: str, value: Any, *kinds: str) -> None:
     """Raise unless the argument `name` is of one of the `kinds`, classes given by their names."""
-    mine = type(value)
-    known = {kind.__name__ for kind in mine.__mro__}
+    known = {kind.__name__ for kind in type(value).__mro__}
     known |= {kind for kind in ("Mapping", "Iterable") if isinstance(value, getattr(abc, kind))}
-    text = known & {"str", "bytes"} and "str" not in kinds
-    known |= {"Path"} if hasattr(mine, "__fspath__") else set()
-    if known.isdisjoint(kinds) or text:
+    # Text is iterable, but no list of anything.
+    unwanted_text = known & {"str", "bytes"} and "str" not in kinds
+    known |= {"Path"} if hasattr(type(value), "__fspath__") else set()
+    if known.isdisjoint(kinds) or unwanted_text:
         wanted = " or ".join(
             _KINDS.get(kind, f"{'an' if kind[0] in 'AEIOU' else 'a'} {kind}") for kind in kinds
         )

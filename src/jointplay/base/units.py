@@ -232,6 +232,7 @@ def ask_scale(value: float, unit: str) -> None:
 def _measured(
     value: str, number: str, factor: float, goal: str, units: tuple[str, ...]
 ) -> Measured:
+    """Multiply a number by its unit's size; raise on overflow, and on underflow to 0."""
     measured = exact(number, factor)
     if not math.isfinite(measured):
         raise ValueError(f"{toml_text(value)} is not finite; expected {expected(*units)}")
