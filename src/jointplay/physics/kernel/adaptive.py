@@ -37,6 +37,7 @@ from jointplay.physics.kernel.constants import POWERS
 from jointplay.physics.kernel.contact import contact_gap, is_clear
 from jointplay.physics.kernel.frames import (
     cross,
+    find_pose,
     get_vector,
     place_bodies,
     project_wrench,
@@ -54,7 +55,6 @@ from jointplay.physics.kernel.multirate import (
 )
 from jointplay.physics.kernel.record import fill_row, is_due, write_interpolated
 from jointplay.physics.kernel.rolling import element_frequency
-from jointplay.physics.kernel.solve import find_pose
 
 _NP = len(POWERS)
 

@@ -113,17 +113,18 @@ def _rotate_back(rows, a):
 
 
 @compiled
-def pose_of_frames(run, joint, pose, jacobian):
-    """Pose of the journal (12) and its relative Jacobian (6, n), from its frame and the bearing's.
+def pose_of_frames(run, carried):
+    """Find the relative pose (12) and Jacobian (6, n) of the two frames of a joint or load.
 
     Only coordinates that move one of the two and not the other enter, so that rounding of a common
     motion cannot blur the relative one.
     """
+    pose, jacobian = carried.pose, carried.jacobian
     bearing, origin = _world_pose(
-        joint.bearing_rotation, joint.bearing_translation, joint.bearing_placement
+        carried.bearing_rotation, carried.bearing_translation, carried.bearing_placement
     )
     journal, place = _world_pose(
-        joint.journal_rotation, joint.journal_translation, joint.journal_placement
+        carried.journal_rotation, carried.journal_translation, carried.journal_placement
     )
     # The journal's centre and orientation in bearing axes: R_b^T (p_j - p_b), R_b^T R_j.
     set_vector(pose, 0, _rotate_back(bearing, add_scaled(place, -1.0, origin)))
@@ -133,10 +134,9 @@ def pose_of_frames(run, joint, pose, jacobian):
             row = add_scaled(row, bearing[k][i], journal[k])
         set_vector(pose, 3 + 3 * i, row)
     # Jacobian columns, from the point at the world's origin to the journal's centre.
-    n = joint.nsupport
     columns = run.world_jacobian
-    support, signs = joint.support, joint.signs
-    for k in range(n):
+    support, signs = carried.support, carried.signs
+    for k in range(carried.nsupport):
         column = columns[support[k]]
         turning = scale(1.0 * signs[k], get_vector(column, 3))
         moving = add(scale(1.0 * signs[k], get_vector(column, 0)), cross(turning, place))
@@ -147,25 +147,32 @@ def pose_of_frames(run, joint, pose, jacobian):
 
 
 @compiled
-def frame_twist(joint, jacobian, v, out):
-    """Relative twist (6) at velocities v, J v."""
-    n = joint.nsupport
-    support = joint.support
+def find_pose(run, joint, q):
+    """Find the pose of a joint's journal at q, at which frames, if any, have been placed."""
+    if joint.first >= 0:
+        pose_of_virtual_link(q, joint)
+    else:
+        pose_of_frames(run, joint)
+
+
+@compiled
+def frame_twist(carried, v):
+    """Find the relative twist J v (6) of the two frames of a joint or load."""
+    jacobian, support, twist = carried.jacobian, carried.support, carried.twist
     for r in range(6):
         total = 0.0
-        for k in range(n):
+        for k in range(carried.nsupport):
             total += jacobian[r, k] * v[support[k]]
-        out[r] = total
+        twist[r] = total
 
 
 @compiled
 def find_twist(joint, v):
     """Find the joint's twist: velocity of the journal's centre, angular velocity, bearing axes."""
-    out = joint.twist
     if joint.first < 0:
-        frame_twist(joint, joint.jacobian, v, out)
+        frame_twist(joint, v)
         return
-    first, sines = joint.first, joint.sines
+    out, first, sines = joint.twist, joint.first, joint.sines
     sy, cy, sp, cp = sines[0], sines[1], sines[2], sines[3]
     out[0], out[1], out[2] = v[first], v[first + 1], v[first + 2]
     # The axes of yaw, pitch and roll are e_z, (-sy, cy, 0) and (cy cp, sy cp, -sp).
@@ -175,17 +182,22 @@ def find_twist(joint, v):
 
 
 @compiled
+def project_frame_wrench(carried, sign, wrench, tau):
+    """Project a wrench between two frames on the coordinates: tau += sign J^T w."""
+    jacobian, support = carried.jacobian, carried.support
+    for k in range(carried.nsupport):
+        total = 0.0
+        for r in range(6):
+            total += jacobian[r, k] * wrench[r]
+        tau[support[k]] += sign * total
+
+
+@compiled
 def project_wrench(joint, tau):
     """Project the joint's wrench on the coordinates: tau += J^T w."""
     wrench = joint.wrench
     if joint.first < 0:
-        n = joint.nsupport
-        jacobian, support = joint.jacobian, joint.support
-        for k in range(n):
-            total = 0.0
-            for r in range(6):
-                total += jacobian[r, k] * wrench[r]
-            tau[support[k]] += total
+        project_frame_wrench(joint, 1.0, wrench, tau)
         return
     first, sines = joint.first, joint.sines
     sy, cy, sp, cp = sines[0], sines[1], sines[2], sines[3]

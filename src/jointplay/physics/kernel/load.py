@@ -24,7 +24,12 @@ import math
 from jointplay.base.compiler import address_of, calling, carray, compiled, pointer
 from jointplay.physics.kernel.access import record_failure, run_at, run_part
 from jointplay.physics.kernel.constants import ALWAYS, IF_PRESSED, Status
-from jointplay.physics.kernel.frames import frame_twist, pose_of_frames, project_frame_slope
+from jointplay.physics.kernel.frames import (
+    frame_twist,
+    pose_of_frames,
+    project_frame_slope,
+    project_frame_wrench,
+)
 from jointplay.physics.kernel.layout import LOAD_FORCE, LOAD_WORK
 
 _BAD_LOAD = int(Status.BAD_LOAD)
@@ -51,8 +56,11 @@ def _evaluate_law(load, time):
 
 
 @compiled
-def _read_positions(load, q):
-    """Copy the positions that the law reads into its x."""
+def _read_positions(run, load, q):
+    """Find the positions that the law reads, its x."""
+    if load.frames != 0:
+        pose_of_frames(run, load)
+        return
     inputs, place = load.inputs, load.place
     for k in range(load.ninputs):
         place[k] = q[inputs[k]]
@@ -62,7 +70,7 @@ def _read_positions(load, q):
 def _read_velocities(load, v):
     """Find the velocities that the law reads, its dx."""
     if load.frames != 0:
-        frame_twist(load, load.jacobian, v, load.twist)
+        frame_twist(load, v)
         return
     inputs, rate = load.inputs, load.rate
     for k in range(load.ninputs):
@@ -85,12 +93,7 @@ def _evaluate_law_at_rest(load, time):
 def _project_forces(load, sign, forces, tau):
     """Project a load's efforts or wrench on the coordinates, and add that times `sign` to tau."""
     if load.frames != 0:
-        jacobian, support = load.jacobian, load.support
-        for k in range(support.size):
-            total = 0.0
-            for r in range(6):
-                total += jacobian[r, k] * forces[r]
-            tau[support[k]] += sign * total
+        project_frame_wrench(load, sign, forces, tau)
         return
     outputs = load.outputs
     for k in range(outputs.size):
@@ -104,10 +107,7 @@ def _evaluate_loads(run, q, v, marks):
     for i in range(run.nv):
         tau[i] = 0.0
     for load in run.loads:
-        if load.frames != 0:
-            pose_of_frames(run, load, load.pose, load.jacobian)
-        else:
-            _read_positions(load, q)
+        _read_positions(run, load, q)
         load.active = 0
         if load.stores == 0:
             # Without energy all of it is explicit.
@@ -210,10 +210,7 @@ def _find_load_powers(run, v):
 def _apply_current_loads(run, q, v, time, tau):
     """See `apply_current_loads`."""
     for load in run.loads:
-        if load.frames != 0:
-            pose_of_frames(run, load, load.pose, load.jacobian)
-        else:
-            _read_positions(load, q)
+        _read_positions(run, load, q)
         if load.stores != 0:
             _evaluate_law_at_rest(load, time)
         load.active = 1

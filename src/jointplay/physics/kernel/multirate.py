@@ -638,9 +638,7 @@ def synchronize(run):
     """Evaluate velocity and forces at the present time, and complete the work up to it."""
     evaluate(run)
     if run.fresh == 0:
-        for i in range(_NP):
-            run.work[i] += 0.5 * run.dt_before * run.power[i]
-        add_load_work(run, 0.5 * run.dt_before)
+        add_work(run, 0.5 * run.dt_before)
 
 
 @compiled

@@ -34,12 +34,7 @@ from jointplay.physics.kernel.drive import (
     prescribe_motion,
 )
 from jointplay.physics.kernel.film import add_film_forces, add_film_losses, commit_film
-from jointplay.physics.kernel.frames import (
-    find_twist,
-    pose_of_frames,
-    pose_of_virtual_link,
-    project_wrench,
-)
+from jointplay.physics.kernel.frames import find_pose, find_twist, project_wrench
 from jointplay.physics.kernel.gear import add_gear_losses, apply_gears, commit_gears, place_gears
 from jointplay.physics.kernel.layout import POWERS, SPEED_LIMIT
 from jointplay.physics.kernel.load import add_stage_work, apply_current_loads
@@ -57,10 +52,7 @@ def _evaluate_joint(run, j, q, v, tau, time, elapsed):
     `elapsed` is the time since the last state of the trajectory [s].
     """
     joint = run.joints[j]
-    if joint.first >= 0:
-        pose_of_virtual_link(q, joint)
-    else:
-        pose_of_frames(run, joint, joint.pose, joint.jacobian)
+    find_pose(run, joint, q)
     for r in range(6):
         joint.wrench[r] = 0.0
     touching = find_gaps(run, j, joint)

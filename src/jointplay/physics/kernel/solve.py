@@ -41,10 +41,9 @@ from jointplay.physics.kernel.drive import (
 )
 from jointplay.physics.kernel.film import add_film_forces, add_film_slope
 from jointplay.physics.kernel.frames import (
+    find_pose,
     find_twist,
     place_bodies,
-    pose_of_frames,
-    pose_of_virtual_link,
     project_slope,
     project_wrench,
 )
@@ -70,15 +69,6 @@ MOST_TRIALS = 40
 """Most trial velocities in a solve."""
 LEAST_PART = 1.0 / 64.0
 """Smallest part of a Newton step that is tried."""
-
-
-@compiled
-def find_pose(run, joint, q):
-    """Pose of the journal of a joint at the coordinates q, at which `place_bodies` was called."""
-    if joint.first >= 0:
-        pose_of_virtual_link(q, joint)
-    else:
-        pose_of_frames(run, joint, joint.pose, joint.jacobian)
 
 
 @compiled
