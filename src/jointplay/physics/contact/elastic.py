@@ -69,7 +69,7 @@ _elements, _curvature = compiled(find_element_forces), compiled(find_element_cur
 
 
 @compiled
-def _on_curve(d, at, x):
+def _curve_force(d, at, x):
     """Force, stiffness and energy of a force-displacement curve at a displacement."""
     count = int(d[at])
     size, last, force, energy, slope = abs(x), 0.0, 0.0, 0.0, 0.0
@@ -89,7 +89,7 @@ def _on_curve(d, at, x):
 
 
 @compiled
-def _springs(d, at, n, xi, push, bend):
+def _spring_energy(d, at, n, xi, push, bend):
     """Energy of springs in n directions; its gradient (n) and Hessian (n n) into push and bend."""
     energy = 0.0
     for i in range(n):
@@ -99,7 +99,7 @@ def _springs(d, at, n, xi, push, bend):
             push[i] += d[at + n * i + j] * xi[j]
         energy += 0.5 * push[i] * xi[i]
     for i in range(n):
-        force, slope, stored = _on_curve(d, at + n * n + CURVE * i, xi[i])
+        force, slope, stored = _curve_force(d, at + n * n + CURVE * i, xi[i])
         push[i] += force
         bend[n * i + i] += slope
         energy += stored
@@ -107,7 +107,7 @@ def _springs(d, at, n, xi, push, bend):
 
 
 @compiled
-def _answer(push, bend, lengths, rates, out, slopes):
+def _transform(push, bend, lengths, rates, out, slopes):
     """Transform gradient and Hessian by xi into wrench and stiffness by a twist, into `out`.
 
     The first `lengths` components of xi are coordinates of the centre; `rates` (n - lengths, 3) are
@@ -138,21 +138,21 @@ def _answer(push, bend, lengths, rates, out, slopes):
 
 
 @compiled
-def _lean_rates(pose, rates):
+def _tilt_rates(pose, rates):
     """Write the rates of a_x, a_y per angular velocity, the first two rows of `rates`."""
     ax, ay, az = pose[5], pose[8], pose[11]
     rates[0, 1], rates[0, 2], rates[1, 0], rates[1, 2] = az, -ay, -az, ax
 
 
 @compiled
-def _spring(d, xi, lengths, rates, out, mode):
-    """Find the results of springs alone, displaced by xi; `lengths` and `rates` as in `_answer`."""
+def _evaluate_springs(d, xi, lengths, rates, out, mode):
+    """Evaluate springs alone, displaced by xi; `lengths` and `rates` as in `_transform`."""
     n = xi.size
     push, bend = np.zeros(n), np.zeros(n * n)
     for i in range(ANSWERS if mode != FORCES else TANGENT):
         out[i] = 0.0
-    energy = _springs(d, TABLE, n, xi, push, bend)
-    _answer(push, bend, lengths, rates, out, mode != FORCES)
+    energy = _spring_energy(d, TABLE, n, xi, push, bend)
+    _transform(push, bend, lengths, rates, out, mode != FORCES)
     size = deepest = 0.0
     for k in range(lengths):
         size += push[k] * push[k]
@@ -166,8 +166,8 @@ def find_spring_forces(d, pose, out, mode):
     """Find wrench and stiffness of springs on the journal; as `rolling.find_element_forces`."""
     xi, rates = np.zeros(WAYS), np.zeros((2, 3))
     xi[0], xi[1], xi[2], xi[3], xi[4] = pose[0], pose[1], pose[2], pose[5], pose[8]
-    _lean_rates(pose, rates)
-    _spring(d, xi, 3, rates, out, mode)
+    _tilt_rates(pose, rates)
+    _evaluate_springs(d, xi, 3, rates, out, mode)
 
 
 def find_guide_forces(d, pose, out, mode):
@@ -175,10 +175,10 @@ def find_guide_forces(d, pose, out, mode):
     xi, rates = np.zeros(WAYS), np.zeros((3, 3))
     xi[0], xi[1], xi[2], xi[3] = pose[0], pose[1], pose[5], pose[8]
     xi[4] = 0.5 * (pose[6] - pose[4])
-    _lean_rates(pose, rates)
+    _tilt_rates(pose, rates)
     rates[2, 0], rates[2, 1] = -0.5 * pose[9], -0.5 * pose[10]
     rates[2, 2] = 0.5 * (pose[3] + pose[7])
-    _spring(d, xi, 2, rates, out, mode)
+    _evaluate_springs(d, xi, 2, rates, out, mode)
 
 
 def find_mount_forces(d, pose, out, mode):
@@ -192,7 +192,7 @@ def find_mount_forces(d, pose, out, mode):
         for j in range(3):
             rates[i, j] = -0.5 * pose[3 + 3 * i + j]
         rates[i, i] += 0.5 * trace
-    _spring(d, xi, 3, rates, out, mode)
+    _evaluate_springs(d, xi, 3, rates, out, mode)
 
 
 def find_seated_forces(d, pose, out, mode):
@@ -220,7 +220,7 @@ def find_seated_forces(d, pose, out, mode):
         relative[8] -= u[4]
         _elements(d, relative, out, FORCES)
         _curvature(d, relative, bend)
-        stored = _springs(d, at, WAYS, u, seat, soft)
+        stored = _spring_energy(d, at, WAYS, u, seat, soft)
         energy = stored + out[ENERGY]
         push[0], push[1], push[2] = -out[0], -out[1], -out[2]
         push[3], push[4] = -out[4] / relative[11], out[3] / relative[11]
@@ -250,8 +250,8 @@ def find_seated_forces(d, pose, out, mode):
         out[SEAT + i] = u[i]
     out[ENERGY] = energy
     rates = np.zeros((2, 3))
-    _lean_rates(pose, rates)
-    _answer(seat, soft, 3, rates, out, False)
+    _tilt_rates(pose, rates)
+    _transform(seat, soft, 3, rates, out, False)
     if mode == FORCES:
         return
     # Stiffness of both in series: K - K (K + H)^-1 K, K of the seat and H of the elements.
@@ -265,7 +265,7 @@ def find_seated_forces(d, pose, out, mode):
             series[WAYS * i + j] = soft[WAYS * i + j]
             for k in range(WAYS):
                 series[WAYS * i + j] -= soft[WAYS * i + k] * columns[WAYS * k + j]
-    _answer(seat, series, 3, rates, out, True)
+    _transform(seat, series, 3, rates, out, True)
 
 
 _springs_alone, _seated = compiled(find_spring_forces), compiled(find_seated_forces)

@@ -115,7 +115,7 @@ def _touch(d, pose, h, start, element, turn_c, turn_s):
     r, reach = d[RADIUS], d[REACH]
     lean = c * pose[5] + s * pose[8]
     radial = pose[0] * c + pose[1] * s
-    if d[ROLLERS] != 0.0:
+    if d[ROLLERS] != 0.0:  # crossed rollers are inclined one way and the other in turn
         up = _HALF if element % 2 == 0 else -_HALF
         delta = _HALF * (radial - reach) + up * (start - r * lean)
         return delta, c, s, _HALF, up, 0.0, 1.0
@@ -281,12 +281,13 @@ def find_element_curvature(d, pose, bend):
 # Static equilibrium of the inner ring under a load: the minimum of the energy less the load's work.
 #
 # Newton's method in xi with a trust radius: a Hessian that is not positive definite is shifted
-# until it is (`_step`), and a line search on the derivative along the step scales it (`_search`).
+# until it is (`_newton_step`), and a line search scales the step by the derivative along it
+# (`_line_search`).
 
 _MOST_STEPS, _MOST_CUTS, _MOST_SHIFTS = 600, 40, 60
 """Most steps, most trials in each line search, most shifts of a Hessian (judged)."""
 _ASIDE = 1e-3
-"""Offset beside the load's line at which a search that failed begins anew, in units of `_size`.
+"""Offset beside the load's line at which a search that failed begins anew, in units of `_scales`.
 Where a load points at an element, the search may climb the ridge between the two minima beside it
 and leave it by rounding alone (measured: any offset from 1e-7 to 0.5 finds the same minimum of the
 load of tests/physics/joints/test_bearings.py)."""
@@ -338,7 +339,7 @@ def solve_in_place(matrix, right, columns, least):
 
 
 @compiled
-def _answer(d, load, lean, xi, pose, out, left):
+def _residual(d, load, lean, xi, pose, out, left):
     """Residual of the equilibrium at xi: the load plus the elements' wrench, by xi, into `left`.
 
     `lean` is the tilt of the outer ring, to which that in xi is relative.
@@ -354,7 +355,7 @@ def _answer(d, load, lean, xi, pose, out, left):
 
 
 @compiled
-def _factor(bend, shift, lower):
+def _cholesky(bend, shift, lower):
     """Cholesky factor (25) of a matrix with its diagonal shifted; returns whether it exists."""
     for i in range(WAYS):
         for j in range(i + 1):
@@ -371,7 +372,7 @@ def _factor(bend, shift, lower):
 
 
 @compiled
-def _half_solved(lower, right, solution):
+def _solve_lower(lower, right, solution):
     """Solve L y = right by forward substitution."""
     for i in range(WAYS):
         solution[i] = right[i]
@@ -381,9 +382,9 @@ def _half_solved(lower, right, solution):
 
 
 @compiled
-def _solved(lower, right, solution):
+def _solve_cholesky(lower, right, solution):
     """Solve L L^T x = right."""
-    _half_solved(lower, right, solution)
+    _solve_lower(lower, right, solution)
     for i in range(WAYS - 1, -1, -1):
         for k in range(i + 1, WAYS):
             solution[i] -= lower[WAYS * k + i] * solution[k]
@@ -400,7 +401,7 @@ def _length(vector):
 
 
 @compiled
-def _step(bend, left, trust, lower, step, half):
+def _newton_step(bend, left, trust, lower, step, half):
     """Newton step within about the radius `trust`, into `step`; returns its length.
 
     The Hessian's diagonal is shifted until it is positive definite and the step short enough; the
@@ -413,22 +414,22 @@ def _step(bend, left, trust, lower, step, half):
     least = _SINGULAR * max(largest, _length(left) / trust)
     shift = 0.0
     for _ in range(_MOST_SHIFTS):
-        if not _factor(bend, shift, lower):
+        if not _cholesky(bend, shift, lower):
             shift = max(4.0 * shift, least)
             continue
-        _solved(lower, left, step)
+        _solve_cholesky(lower, left, step)
         size = _length(step)
         if size <= 1.2 * trust:
             return size
-        _half_solved(lower, step, half)
+        _solve_lower(lower, step, half)
         bent = _length(half)
         shift += (size / trust - 1.0) * (size / bent) ** 2
     return size
 
 
 @compiled
-def _soften(d, load, xi, pose, out, bend, unit, soft):
-    """Compliance d(xi)/d(force, moment), by linearising `_answer`; returns False where singular.
+def _find_compliance(d, load, xi, pose, out, bend, unit, soft):
+    """Compliance d(xi)/d(force, moment), by linearising `_residual`; returns False where singular.
 
     The Hessian alone is not the derivative: the cage's moment and the direction of the axis, by
     which moments act on (a_x, a_y), change with xi, too.
@@ -439,6 +440,7 @@ def _soften(d, load, xi, pose, out, bend, unit, soft):
     for i in range(3):
         gradient[i] = -out[i]
     gradient[3], gradient[4] = -(out[4] + back * ay) / up, (out[3] + back * ax) / up
+    # Derivative of the residual: the Hessian, and what the cage and the axis' direction add.
     turned[0], turned[1], turned[3], turned[4] = xi[1], -xi[0], ay, -ax
     fall = bend.copy()
     for j in range(WAYS):
@@ -454,7 +456,7 @@ def _soften(d, load, xi, pose, out, bend, unit, soft):
         fall[WAYS * 4 + j] -= back_by * ax / up + (back * ax - load[3]) * steeper
     fall[WAYS * 3 + 4] += back / up
     fall[WAYS * 4 + 3] -= back / up
-    # Solve for unit forces and moments, scaled so that the numbers are of similar size.
+    # Solve for unit forces and moments; `unit` makes the numbers of similar size.
     right = np.zeros(_SQUARE)
     for i in range(3):
         right[WAYS * i + i] = unit[i]
@@ -473,7 +475,7 @@ def _soften(d, load, xi, pose, out, bend, unit, soft):
 
 
 @compiled
-def _size(d, force, unit):
+def _scales(d, force, unit):
     """Scale of each component of xi under a force, (5,) [m, 1]: free travel plus deflection."""
     exponent = ROLLER_EXPONENT if d[ROLLERS] != 0.0 else BALL_EXPONENT
     depth = (force / d[STIFFNESS]) ** (1.0 / exponent)
@@ -492,7 +494,7 @@ def _size(d, force, unit):
 
 
 @compiled
-def _search(d, load, lean, xi, unit, step, long, trust, room):
+def _line_search(d, load, lean, xi, unit, step, long, trust, room):
     """Line search: returns the multiple of `step` to take, and leaves the trial there in `room`.
 
     The derivative along the step decides: too far where it is reversed by more than `_CAREFUL`, too
@@ -509,7 +511,7 @@ def _search(d, load, lean, xi, unit, step, long, trust, room):
             trial[i] = xi[i] + share * unit[i] * step[i]
         after = -np.inf
         if (trial[3] + lean[0]) ** 2 + (trial[4] + lean[1]) ** 2 < _STEEPEST:
-            _answer(d, load, lean, trial, pose, out, left)
+            _residual(d, load, lean, trial, pose, out, left)
             after = 0.0
             for i in range(WAYS):
                 after += left[i] * unit[i] * step[i]
@@ -525,19 +527,19 @@ def _search(d, load, lean, xi, unit, step, long, trust, room):
 
 
 @compiled
-def _find_rest(d, load, lean, aside, result):
+def _find_equilibrium(d, load, lean, aside, result):
     """Find the equilibrium of the ring under a load, into `result`; see `rests`.
 
-    `aside`: offset beside the load's line at which the search begins, in units of `_size`.
+    `aside`: offset beside the load's line at which the search begins, in units of `_scales`.
     """
     xi, trial, best = np.zeros(WAYS), np.zeros(WAYS), np.zeros(WAYS)
     left, scaled, step, half = np.zeros(WAYS), np.zeros(WAYS), np.zeros(WAYS), np.zeros(WAYS)
     bend, lower, unit = np.zeros(_SQUARE), np.zeros(_SQUARE), np.zeros(WAYS)
     pose, out, matrix = np.zeros(12), np.zeros(ANSWERS), np.zeros(_SQUARE)
     lever = d[RADIUS]
-    size = _norm(load, lever)
-    _answer(d, load, lean, xi, pose, out, left)
-    _size(d, max(size, 1e-3 * out[SUM], 1e-9), unit)
+    size = _load_norm(load, lever)
+    _residual(d, load, lean, xi, pose, out, left)
+    _scales(d, max(size, 1e-3 * out[SUM], 1e-9), unit)
     if out[SUM] == 0.0:
         if size == 0.0:
             result[STATE] = 1.0
@@ -551,10 +553,11 @@ def _find_rest(d, load, lean, aside, result):
             xi[i] *= unit[i] / math.sqrt(long)
         xi[0] -= aside * unit[0] * load[1] / size
         xi[1] += aside * unit[1] * load[0] / size
-        _answer(d, load, lean, xi, pose, out, left)
+        _residual(d, load, lean, xi, pose, out, left)
+    # Newton's method, in the scales `unit`; the best point is kept.
     trust, least = 1.0, np.inf
     for _ in range(_MOST_STEPS):
-        error = _norm(left, lever)
+        error = _load_norm(left, lever)
         if error < least:
             least = error
             for i in range(WAYS):
@@ -566,8 +569,9 @@ def _find_rest(d, load, lean, aside, result):
             scaled[i] = left[i] * unit[i]
             for j in range(WAYS):
                 matrix[WAYS * i + j] = bend[WAYS * i + j] * unit[i] * unit[j]
-        long = _step(matrix, scaled, trust, lower, step, half)
-        share = _search(d, load, lean, xi, unit, step, long, trust, (trial, pose, out, left))
+        long = _newton_step(matrix, scaled, trust, lower, step, half)
+        share = _line_search(d, load, lean, xi, unit, step, long, trust, (trial, pose, out, left))
+        # The trust radius follows the lengths of the steps taken.
         if share < 1.0:
             trust = 2.0 * share * long
         elif long > 0.9 * trust:
@@ -576,9 +580,9 @@ def _find_rest(d, load, lean, aside, result):
             xi[i] = trial[i]
     if least > _ACCEPTED * size + _ROUNDING * out[SUM]:
         return
-    _answer(d, load, lean, best, pose, out, left)
+    _residual(d, load, lean, best, pose, out, left)
     _curvature(d, pose, bend)
-    stiff = _soften(d, load, best, pose, out, bend, unit, result[SOFT:])
+    stiff = _find_compliance(d, load, best, pose, out, bend, unit, result[SOFT:])
     result[STATE] = 1.0 if stiff else -1.0
     for i in range(WAYS):
         result[i] = best[i]
@@ -588,20 +592,20 @@ def _find_rest(d, load, lean, aside, result):
 
 
 @compiled
-def _norm(load, lever):
+def _load_norm(load, lever):
     """Norm of a force and two moments, these divided by the lever arm [N]."""
     turning = (load[3] * load[3] + load[4] * load[4]) / (lever * lever)
     return math.sqrt(load[0] ** 2 + load[1] ** 2 + load[2] ** 2 + turning)
 
 
 @compiled
-def _rests(numbers, loads, cage, lean, results):
+def _find_equilibria(numbers, loads, cage, lean, results):
     bearing = numbers.copy()
     for i in range(loads.shape[0]):
         bearing[CAGE] = cage[i]
-        _find_rest(bearing, loads[i], lean[i], 0.0, results[i])
+        _find_equilibrium(bearing, loads[i], lean[i], 0.0, results[i])
         if results[i, STATE] == 0.0:  # the search stayed on the ridge between two minima
-            _find_rest(bearing, loads[i], lean[i], _ASIDE, results[i])
+            _find_equilibrium(bearing, loads[i], lean[i], _ASIDE, results[i])
 
 
 def rests(
@@ -623,5 +627,5 @@ def rests(
     """
     results = np.zeros((len(loads), REST))
     turns = np.broadcast_to(np.asarray(cage, float), len(loads)).copy()
-    _rests(np.array(numbers), np.ascontiguousarray(loads), turns, lean, results)
+    _find_equilibria(np.array(numbers), np.ascontiguousarray(loads), turns, lean, results)
     return results

@@ -217,7 +217,7 @@ def _compliance_at(run, joint, contact):
 
 
 @compiled
-def _judge_onset(run, joint, contact):
+def _estimate_impact(run, joint, contact):
     """Estimate duration and mean deceleration of the impact that has just begun.
 
     Both follow from the depth at which the contact has stored the kinetic energy of the approach.
@@ -254,7 +254,7 @@ def _stiffness(joint, contact):
 
 
 @compiled
-def _judge_contacts(run, moved):
+def _assess_contacts(run, moved):
     """Find the largest deceleration by impacts (`braking`) and the longest stable micro step.
 
     For stability, the sum of the squared frequencies of all contacts, each alone, is an upper bound
@@ -274,7 +274,7 @@ def _judge_contacts(run, moved):
             if begins or moved:
                 contact.compliance = _compliance_at(run, joint, contact)
             if begins:
-                _judge_onset(run, joint, contact)
+                _estimate_impact(run, joint, contact)
             if run.time < contact.braking_end:
                 most = max(most, contact.braking)
             # Impacts are resolved by their error; contacts that last must be followed stably.
@@ -289,7 +289,7 @@ def _judge_contacts(run, moved):
 
 
 @compiled
-def _size(run, values):
+def _norm(run, values):
     """Norm of generalised velocities or accelerations: the root of twice their kinetic energy."""
     nv = run.nv
     minv, weights = run.minv, run.weights
@@ -313,10 +313,10 @@ def _step_error(run, h):
         else:
             # After a jump only the change of a is known; it stands for h^2 d2a/dt2.
             off[i] = (a[i] - last[0, i]) / 24.0
-    wrong = _size(run, off)
+    wrong = _norm(run, off)
     if wrong == 0.0:
         return 0.0
-    moved = max(run.moved_by_forces, _size(run, a))
+    moved = max(run.moved_by_forces, _norm(run, a))
     scale = max(moved, run.moved, run.braking)
     run.moved = moved
     return wrong / (run.micro_tolerance * (scale + SMALL_SPEED / h))
@@ -344,7 +344,7 @@ def _remember_acceleration(run, h):
 
 
 @compiled
-def _next_length(run, remaining):
+def _next_step_length(run, remaining):
     """Length of the next micro step; the last few of a macro step divide the rest evenly."""
     h = max(min(run.micro_step, run.stable_micro), run.shortest_micro)
     if h >= remaining:
@@ -394,10 +394,10 @@ def _try_steps(run):
         if run.time >= run.refused_at:
             run.micro_step, run.refused_at = run.refused_step, np.inf
             _copy(run, _ARRAY, _COPY)
-        _judge_contacts(run, begins)
+        _assess_contacts(run, begins)
         begins = False
         start = run.time
-        wanted = _next_length(run, end - start)
+        wanted = _next_step_length(run, end - start)
         h = _time_to_onset(run, wanted)
         # 2. Accept the present state, go to the next and evaluate it.
         before = 0.5 * run.dt_before if run.fresh == 0 else 0.0

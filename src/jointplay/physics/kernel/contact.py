@@ -55,14 +55,14 @@ began straight at full speed would push by many times the friction until they ha
 
 
 @compiled
-def _contact_place(joint, k):
+def _touch(joint, k):
     """Gap of contact k at the joint's pose, its arm (3) and direction (3), as one tuple."""
     pose, dimensions = joint.pose, pointer(joint.dimensions)
     return touch_shape(joint.shape, dimensions, 0, k, pose[0], pose[1], pose[2], pose, 3)
 
 
 @compiled
-def _cylinder(joint):
+def _cylinder_pose(joint):
     """Centre and axis of a cylinder at the joint's pose, then its dimensions."""
     pose, d = joint.pose, pointer(joint.dimensions)
     axis = pose[5], pose[8], pose[11]
@@ -74,7 +74,7 @@ def contact_gap(joint, k):
     """Gap of contact k at the joint's pose."""
     if joint.resultant != 0:
         return element_gap(joint)
-    return _contact_place(joint, k)[0]
+    return _touch(joint, k)[0]
 
 
 @compiled
@@ -82,11 +82,11 @@ def is_clear(joint, k):
     """Whether a cheap bound shows that contact k does not touch at the joint's pose."""
     if joint.shape != _CYLINDER or joint.resultant != 0:
         return False
-    return clear_of_cylinder(k, *_cylinder(joint))
+    return clear_of_cylinder(k, *_cylinder_pose(joint))
 
 
 @compiled
-def _take_place(run, j, joint, k, place):
+def _store_contact(run, j, joint, k, place):
     """Store gap, arm and normal of contact k of joint j, and its elastic force.
 
     Returns whether it touches. Where it must not, the run is stopped.
@@ -122,15 +122,15 @@ def find_gaps(run, j, joint):
     touching = False
     if joint.shape != _CYLINDER:
         for k in range(joint.count):
-            touching |= _take_place(run, j, joint, k, _contact_place(joint, k))
+            touching |= _store_contact(run, j, joint, k, _touch(joint, k))
         return touching
-    end_a, end_b = touch_rims(*_cylinder(joint))
-    touching |= _take_place(run, j, joint, 0, end_a)
-    touching |= _take_place(run, j, joint, 1, end_b)
+    end_a, end_b = touch_rims(*_cylinder_pose(joint))
+    touching |= _store_contact(run, j, joint, 0, end_a)
+    touching |= _store_contact(run, j, joint, 1, end_b)
     if joint.count > 2:
-        end_a, end_b = touch_faces(*_cylinder(joint))
-        touching |= _take_place(run, j, joint, 2, end_a)
-        touching |= _take_place(run, j, joint, 3, end_b)
+        end_a, end_b = touch_faces(*_cylinder_pose(joint))
+        touching |= _store_contact(run, j, joint, 2, end_a)
+        touching |= _store_contact(run, j, joint, 3, end_b)
     return touching
 
 

@@ -125,7 +125,7 @@ def add_prescribed_power(run, v, a):
 
 
 @compiled
-def _bend(row, bend, speed, elapsed):
+def _advance_bristles(row, bend, speed, elapsed):
     """Deflection of bristles after `elapsed` [s], exact for constant speed, and their limit.
 
     The limit, at which they slide, is the presliding deflection times the Stribeck curve.
@@ -140,7 +140,7 @@ def _bend(row, bend, speed, elapsed):
 @compiled
 def _bristle_friction(row, speed, elapsed):
     """Friction with bristles at a speed: k z + d dz/dt, and viscous."""
-    bend, most = _bend(row, row.kept_bend, speed, elapsed)
+    bend, most = _advance_bristles(row, row.kept_bend, speed, elapsed)
     row.bend = bend
     stiffness = (row.coulomb + row.stiction) / row.presliding
     row.torque = stiffness * bend + row.damping * speed * (1.0 - bend / most) + row.viscous * speed
@@ -182,7 +182,7 @@ def commit_bristles(run, v, ahead):
     """Accept the bristles of joint friction, and keep them as they will be `ahead` [s] later."""
     for row in run.frictions:
         if row.presliding > 0.0:
-            row.kept_bend, _ = _bend(row, row.bend, v[row.coordinate], ahead)
+            row.kept_bend, _ = _advance_bristles(row, row.bend, v[row.coordinate], ahead)
 
 
 @compiled

@@ -46,7 +46,7 @@ def _elastic_torque(gear, depth):
 
 
 @compiled
-def _take_twist(gear, twist):
+def _set_twist(gear, twist):
     """Set the twist; find elastic torque and, from that at the last twist, hysteresis."""
     gear.twist = twist
     depth = abs(twist) - gear.half_play
@@ -76,7 +76,7 @@ def _place_gears(run, q):
             error += gear.amplitude[k] * math.sin(angle)
             lever += gear.amplitude[k] * gear.order[k] * math.cos(angle)
         gear.lever = lever
-        _take_twist(gear, motor + error - q[gear.link])
+        _set_twist(gear, motor + error - q[gear.link])
 
 
 @compiled
@@ -242,24 +242,24 @@ def turn_slowly(address, torques, twists):
     gear = carray(_gear(address), (1,))[0]
     for i in range(len(torques)):
         begin = gear.last_twist
-        _take_twist(gear, begin)
+        _set_twist(gear, begin)
         missing = torques[i] - _held_torque(gear)
         if missing != 0.0:
             # Bracket the twist by doubling, then bisect.
             sign = math.copysign(1.0, missing)
             low, high = 0.0, LEAST_TURN
             while True:
-                _take_twist(gear, begin + sign * high)
+                _set_twist(gear, begin + sign * high)
                 if not sign * (_held_torque(gear) - torques[i]) < 0.0:
                     break
                 low, high = high, 2.0 * high
             for _ in range(HALVINGS):
                 middle = 0.5 * (low + high)
-                _take_twist(gear, begin + sign * middle)
+                _set_twist(gear, begin + sign * middle)
                 if sign * (_held_torque(gear) - torques[i]) < 0.0:
                     low = middle
                 else:
                     high = middle
-            _take_twist(gear, begin + sign * high)
+            _set_twist(gear, begin + sign * high)
         _commit_gear(gear)
         twists[i] = gear.twist

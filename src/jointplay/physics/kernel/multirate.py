@@ -518,7 +518,7 @@ def evaluate(run):
 
 
 @compiled
-def _aim_at_parabola(value, rate, middle, slope, curve, s, apart, span, dt):
+def _begin_chord(value, rate, middle, slope, curve, s, apart, span, dt):
     """Begin a chord: find the rates that lead the values to their parabola in `span` [s].
 
     The chord ends `s` [s] after the middle; the values take its first step, `dt` long.
@@ -530,15 +530,15 @@ def _aim_at_parabola(value, rate, middle, slope, curve, s, apart, span, dt):
 
 
 @compiled
-def _aim_at_parabolas(run, span, dt):
+def _begin_chords(run, span, dt):
     """Begin chords `span` long of the parabolas of M^-1 and a_free, and follow them for `dt`."""
     run.chord_end = run.time + span
     s, apart = run.chord_end - run.middle_time, run.middles_apart
-    _aim_at_parabola(
+    _begin_chord(
         run.free, run.free_rate, run.free_middle,
         run.free_slope, run.free_curve, s, apart, span, dt,
     )  # fmt: skip
-    _aim_at_parabola(
+    _begin_chord(
         flat(run.minv), flat(run.minv_rate),
         flat(run.minv_middle), flat(run.minv_slope),
         flat(run.minv_curve), s, apart, span, dt,
@@ -567,7 +567,7 @@ def step_positions(run, dt):
     for i in range(nv):
         q[i] += dt * half[i]
     if run.time + 0.5 * dt > run.chord_end:
-        _aim_at_parabolas(run, max(min(CHORD_STEPS * dt, CHORD_PART * run.path_span), dt), dt)
+        _begin_chords(run, max(min(CHORD_STEPS * dt, CHORD_PART * run.path_span), dt), dt)
     else:
         _advance(run.free, run.free_rate, dt)
         _advance(flat(run.minv), flat(run.minv_rate), dt)

@@ -201,7 +201,7 @@ def weighted_square(values, weights, n):
 
 
 @compiled
-def _listed_compliance(run, n):
+def _active_compliance(run, n):
     """M^-1 of the active coordinates, shape (n, n)."""
     return square(run.minv if n == run.nv else run.compliance, n)
 
@@ -211,7 +211,7 @@ def _residual(run, h, n):
     """Write the residual v - base - h M^-1 tau_c; returns its squared norm, weighted by inertia."""
     trial = run.trial
     speed, base, inertia, error = trial[SPEED], trial[BASE], trial[INERTIA], trial[ERROR]
-    add_rows(_listed_compliance(run, n), trial[PUSH], error, n, n)
+    add_rows(_active_compliance(run, n), trial[PUSH], error, n, n)
     for a in range(n):
         error[a] = speed[a] - base[a] - h * error[a]
     return weighted_square(error, inertia, n)
@@ -238,7 +238,7 @@ def _factor(run, h):
     """
     n = run.active
     inverse, exchanged = run.inverse, run.exchanged
-    compliance, slope = _listed_compliance(run, n), run.slope
+    compliance, slope = _active_compliance(run, n), run.slope
     # As M^-1 is symmetric, each row of the transposed product is a sum of rows of M^-1.
     for a in range(n):
         row = inverse[a]
@@ -292,7 +292,7 @@ def _newton_step(run, n):
 
 
 @compiled
-def _list_compliance(run, n):
+def _gather_compliance(run, n):
     """Gather M^-1 of the active coordinates, if these are not all, into `compliance`."""
     touched, minv, compliance = run.touched, run.minv, run.compliance
     first = touched[0]
@@ -309,7 +309,7 @@ def _list_compliance(run, n):
 
 
 @compiled
-def _initial_guess(run, base, v, n):
+def _start_trials(run, base, v, n):
     """Start the trials from the velocities `v`; returns the squared tolerance of the residual."""
     touched, trial, inertia = run.touched, run.trial, run.inertia
     if n == run.nv:
@@ -358,8 +358,8 @@ def solve_velocity(run, q, base, v, h):
     """
     n = run.active
     if n < run.nv:
-        _list_compliance(run, n)
-    limit = _initial_guess(run, base, v, n)
+        _gather_compliance(run, n)
+    limit = _start_trials(run, base, v, n)
     error, trials = _evaluate_trial(run, q, v, h), 1
     old = run.factored == n
     while not error <= limit:
