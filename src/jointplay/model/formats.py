@@ -1,7 +1,7 @@
-"""A robot's description from a file of any format: what is no URDF is turned into one.
+"""Robots' files of all formats: a file that is no URDF is turned into one.
 
 A format is a module with a function from the file's text to that of a URDF, and its line in
-`FORMATS`; xacro (`model.xacro`) can be told from a URDF only by what is in it. All that comes later
+`FORMATS`; xacro (`model.xacro`) is told from a URDF by what is in the file. All that comes later
 sees a `Description`.
 """
 
@@ -21,8 +21,9 @@ from jointplay.model.robots import Source, source_of
 
 _PREFIX = re.compile(r"<([A-Za-z_][\w.-]*):")
 FORMATS: dict[str, tuple[str, str]] = {"mujoco": ("mjcf", "urdf_text")}
-"""Module here and function that turn a format into a URDF, ``(text, path) -> text``, by the tag of
-the file's root element; it is imported when a file has that root. Any other file is a URDF."""
+"""Module of this package, and its function ``(text, path) -> URDF``, that convert a format, by the
+tag of the file's root element. The module is imported when a file has that root; any other file is
+a URDF."""
 
 
 def read(
@@ -31,13 +32,13 @@ def read(
     folder: Path = Path(),
     arguments: Mapping[str, xacro.Value] | None = None,
 ) -> urdf.Description:
-    """Read a robot and check every inertia, but of links in `allow_unphysical`, or ``"all"``.
+    """Read and check a robot.
 
     Args:
         place: a file, or a robot's name, as for `robots.source_of`.
-        allow_unphysical: links whose inertia is not checked.
+        allow_unphysical: links whose inertia is not checked; ``"all"`` for all of them.
         folder: where a relative path begins.
-        arguments: of xacro, by name.
+        arguments: arguments of xacro, by name.
 
     Raises:
         JointplayError: the file is missing or malformed, its links do not form one tree, or a
@@ -81,13 +82,13 @@ def urdf_text(source: Source, arguments: Mapping[str, xacro.Value]) -> str:
 
 
 def says_more(place: str | Path, folder: Path = Path()) -> bool:
-    """Whether a robot's file, unless it is a xacro, is of a format that says more than a URDF."""
+    """Whether a robot's file has one of `FORMATS`, which say more than a URDF."""
     path = source_of(place, folder).path
     return _root_tag(read_text(path, "robot")) in FORMATS
 
 
 def _root_tag(text: str) -> str:
-    """Tag of the root element; empty if it is not well-formed, which the URDF's reader says."""
+    """Tag of the root element; empty if the text is not well-formed, which `urdf` reports."""
     try:
         _, root = next(ElementTree.iterparse(StringIO(text), ("start",)))
     except (ElementTree.ParseError, ValueError, StopIteration):

@@ -1,4 +1,4 @@
-"""Frames that bodies carry: how one stands and moves against another."""
+"""Frames on bodies: the pose and motion of one against another."""
 
 from __future__ import annotations
 
@@ -6,16 +6,17 @@ import numpy as np
 import pinocchio as pin
 
 Frame = tuple[int, pin.SE3]
-"""A Pinocchio joint, and a frame's placement in it."""
+"""A frame: index of the Pinocchio joint that carries it, and its placement in this joint's frame.
+"""
 
 Frames = tuple[Frame, Frame]
-"""Two of them, such as bearing and journal."""
+"""Two frames, such as bearing and journal."""
 
 WORLD_FRAME: Frame = (0, pin.SE3.Identity())
 
 
 def carried(model: pin.Model, index: int) -> Frame:
-    """Frame number `index` of a model."""
+    """The frame with number `index` of a model."""
     frame = model.frames[index]
     return int(frame.parentJoint), frame.placement
 
@@ -31,7 +32,11 @@ def motions(model: pin.Model, data: pin.Data, index: int) -> np.ndarray:
 
 
 def signs_between(model: pin.Model, first: int, second: int) -> np.ndarray:
-    """+1 for coordinates that move the second joint only, -1 the first only, 0 else, (nv,)."""
+    """Sign with which each coordinate moves Pinocchio joint `second` against `first`, (nv,).
+
+    +1 for coordinates that carry the second only, -1 the first only, 0 for both or neither: the
+    relative Jacobian is the columns of `data.J` with these signs.
+    """
     signs = np.zeros(model.nv)
     for end, sign in ((second, 1.0), (first, -1.0)):
         for index in list(model.supports[end])[1:]:

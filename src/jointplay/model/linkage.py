@@ -90,7 +90,7 @@ class LinkageLink(Described):
 
 @dataclass(frozen=True)
 class LinkageSlider(Described):
-    """A joint in which a link slides along a line, on the ground or on another link."""
+    """A joint in which a link slides straight, without turning, on the ground or another link."""
 
     link: str
     """The link that slides."""

@@ -105,7 +105,7 @@ def tree_of(linkage: Linkage, play: Collection[str] = ()) -> LinkageTree:
         joint.append(origin_of(pin.SE3(np.eye(3), place.round(_DIGITS))))
         put(joint, "parent", link=edge.bearing)
         put(joint, "child", link=edge.journal)
-        if edge.kind == SLIDE:  # which a URDF demands limits of
+        if edge.kind == SLIDE:  # for which a URDF demands limits
             reach = _REACH * linkage.size
             put(joint, "limit", lower=-reach, upper=reach, effort=0.0, velocity=0.0)
         put(joint, "axis", xyz=edge.axis / np.linalg.norm(edge.axis))
@@ -202,7 +202,7 @@ def _root(axes: np.ndarray) -> Element:
 
 
 def _from_ground(joints: Sequence[Edge]) -> Iterator[Edge]:
-    """The joints of a tree, parents first, each turned so that its bearing is nearer to the ground."""
+    """The joints of a tree, parents first, each with its bearing on the side of the ground."""
     reached, open_joints = {GROUND}, list(joints)
     while open_joints:
         edge = next(joint for joint in open_joints if reached & {joint.bearing, joint.journal})
