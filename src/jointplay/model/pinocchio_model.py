@@ -1,4 +1,4 @@
-"""A robot that is a Pinocchio model already: its placements, inertias and limits as a URDF."""
+"""Robots given as Pinocchio models: their placements, inertias and limits as a URDF."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ from jointplay.model.frames import motions
 _TURNS = ("JointModelR", "JointModelRevolute")
 _SLIDES = ("JointModelP", "JointModelPrismatic")
 _WITHOUT_LIMITS = "JointModelRU"
-"""Revolute joints with two coordinates, which know no limits (``RUBX`` and the like)."""
+"""Prefix of revolute joints with two coordinates, which have no limits (``RUBX`` and the like)."""
 
 
 def description_of_model(
     model: pin.Model, allow_unphysical: tuple[str, ...] = ()
 ) -> urdf.Description:
-    """The description of a model: a link for each joint, and one for each frame of a body.
+    """Describe a model by a URDF: a link for each joint, and one for each frame of a body.
 
-    What a URDF does not have is kept beside it: gravity, and armature (`model.armature`).
+    What a URDF does not have is kept in `urdf.Beyond`: gravity, and armature (`model.armature`).
 
     Raises:
         JointplayError: a joint that neither turns about an axis nor slides along it; a mimicking
@@ -61,7 +61,7 @@ def description_of_model(
 
 
 def _links_of(model: pin.Model) -> list[str]:
-    """Name of the link that each joint carries: its body's frame at its origin, or after it."""
+    """Name of the link that each joint carries: its body's frame at the origin, or JOINT_link."""
     links: dict[int, str] = {}
     for frame in model.frames:
         if frame.type == pin.FrameType.BODY and frame.placement.isIdentity(1e-12):
@@ -84,7 +84,7 @@ def _put_joint(
             "joints that turn about one axis or slide along one can be taken"
         )
     slides = kind.startswith(_SLIDES)
-    free = kind.startswith(_WITHOUT_LIMITS)
+    free = kind.startswith(_WITHOUT_LIMITS)  # its place in q holds a cosine and a sine
     row, at = joint.idx_v, joint.idx_q
     limits = {"effort": model.effortLimit[row], "velocity": model.velocityLimit[row]}
     low, high = np.nan, np.nan
