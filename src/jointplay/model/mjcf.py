@@ -815,7 +815,7 @@ class _Reading:
                         put(looks, "color", rgba=colour)
 
     def _shapes(self, geom: int) -> Iterator[tuple[pin.SE3, str, dict[str, Any]]]:
-        """URDF shapes that make up a geom: pose, tag and attributes; none for planes and the like."""
+        """URDF shapes that make up a geom: pose, tag, attributes; none for planes and the like."""
         model, kinds = self.model, self.mujoco.mjtGeom
         place = placed(model.geom_pos[geom], model.geom_quat[geom])
         size, kind = model.geom_size[geom], kinds(model.geom_type[geom])
