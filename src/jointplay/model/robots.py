@@ -161,7 +161,7 @@ def source_of(place: str | Path, folder: Path = Path()) -> Source:
 
 
 def with_package(name: str) -> str:
-    """A robot's name with the prefix of the package that has it; errors are those of `robot_urdf`."""
+    """A robot's name with the prefix of the package that has it; errors as of `robot_urdf`."""
     try:
         robot_urdf(name)
     except JointplayError:
