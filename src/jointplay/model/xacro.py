@@ -103,7 +103,7 @@ def _stamp(file: Path) -> tuple[int, int]:
 
 
 class _Files:
-    """Files that a xacro may read: those of its own folder and package, and of packages it names."""
+    """Files that a xacro may read: of its own folder and package, and of packages it names."""
 
     def __init__(self, path: Path) -> None:
         self.path = path

@@ -179,7 +179,7 @@ def _type(value: Any) -> type:
 
 
 class _Checked(ast.NodeTransformer):
-    """Refuses names that lead to Python's internals, and lets `_Attributes` look up what has a dot."""
+    """Refuses names that lead to Python's internals; `_Attributes` looks up what has a dot."""
 
     def generic_visit(self, node: ast.AST) -> ast.AST:
         if isinstance(node, _REFUSED):
