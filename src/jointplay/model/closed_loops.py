@@ -28,10 +28,10 @@ from jointplay.model.loop import (
     SINGULAR,
     closing_rows,
     closures,
+    ideal_coordinates,
     least_open,
     newton,
     openings,
-    own_coordinates,
 )
 from jointplay.model.mechanism import Mechanism, frame_index
 from jointplay.model.urdf import Mimic
@@ -85,7 +85,7 @@ class ClosedLoops:
         # Coordinates inside the loops are those that open them, in any of three configurations.
         somewhere = np.random.default_rng(0).uniform(-1.0, 1.0, (3, mechanism.model.nq))
         felt = np.max([np.abs(closing_rows(mechanism, at)).max(axis=0) for at in somewhere], axis=0)
-        inside = [i for i in own_coordinates(mechanism) if felt[i] > 1e-9]
+        inside = [i for i in ideal_coordinates(mechanism) if felt[i] > 1e-9]
         self.driven = self._determining(q, inside) if driven is None else tuple(driven)
         held = {mechanism.coordinate(name) for name in self.driven}
         self.passive = np.array([i for i in inside if i not in held], int)

@@ -16,7 +16,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -36,7 +36,7 @@ from jointplay.model import elements, formats, urdf
 from jointplay.model.beams import FlexibleLink
 from jointplay.model.fixing import with_fixed, without_floating_base
 from jointplay.model.flexible import cut_links, end_of_tool
-from jointplay.model.frames import Frames, motion_between, motions, signs_between
+from jointplay.model.frames import Frames, motion_between, signs_between, single_axis
 from jointplay.model.free_base import BASE, BASES, HELD
 from jointplay.model.gear import GEARS, Gearing
 from jointplay.model.gear_rules import Rule, completed, with_rotors
@@ -115,7 +115,7 @@ class Design:
         moving, armature = self.description.moving, self.description.beyond.armature
         return {name: armature[name] for name in armature if name in moving}
 
-    def own_coordinate(self, joint: str) -> Coordinate:
+    def ideal_coordinate(self, joint: str) -> Coordinate:
         """The coordinate on which an ungeared drive of `joint` acts: that of the ideal joint."""
         stated = self.given_joints.get(joint)
         if stated is not None and (joint in self.clearance or stated.compound()):
@@ -334,8 +334,6 @@ def _seated(
 
 # From a URDF to the Pinocchio model that is simulated.
 
-_REVOLUTE = ("JointModelR", "JointModelRevolute")
-_PRISMATIC = ("JointModelP", "JointModelPrismatic")
 _FLOATING = "JointModelFreeFlyer"
 _URDF_FLOATING, _URDF_FIXED = "floating", "fixed"
 
@@ -425,20 +423,13 @@ def _parsed(text: str, path: str) -> pin.Model:
             raise JointplayError(f"Pinocchio cannot read the URDF {path!r}: {reason}") from None
 
 
-class Built(NamedTuple):
-    """Pinocchio's model of a mechanism."""
-
-    model: pin.Model
-    coordinates: tuple[Coordinate, ...]
-    """Names of the generalised coordinates, in the order of q and v."""
-    locks: dict[str, Frames]
-    """Frames of the carriage and of the body fixed to it, by loop; see `Mechanism`."""
-
-
-def build(design: Design) -> Built:
+def build(design: Design) -> tuple[pin.Model, tuple[Coordinate, ...], dict[str, Frames]]:
     """Build Pinocchio's model of a mechanism.
 
     Which loops need locks shows only in a model without locks: if some do, it is built again.
+
+    Returns:
+        `model`, `coordinates` and `locks` of `Mechanism`.
 
     Raises:
         JointplayError: a joint of a kind that has no single coordinate, or two coordinates of one
@@ -456,13 +447,13 @@ def build(design: Design) -> Built:
         model, coordinates = _assembled(design, needed)
     model.gravity.linear = np.array(design.gravity)
     for name, inertia in design.armature.items():
-        model.armature[coordinates.index(design.own_coordinate(name))] = inertia
+        model.armature[coordinates.index(design.ideal_coordinate(name))] = inertia
     locks = {}
     for name, lock in needed.items():
         carriage = int(model.getJointId(name))
         held = lock.share(model, carriage)
         locks[name] = (carriage, pin.SE3.Identity()), held
-    return Built(model, coordinates, locks)
+    return model, coordinates, locks
 
 
 def _check_free_base(design: Design, model: pin.Model) -> None:
@@ -610,15 +601,15 @@ def _axis(
     Raises:
         JointplayError: the joint has no single axis, and no kind of clearance stands for it.
     """
-    name, joint = source.names[index], source.joints[index]
-    kind = joint.shortname()
+    name, kind = source.names[index], source.joints[index].shortname()
     if (  # floating in the URDF, or fixed and released: z by definition
         kind == _FLOATING
         and stated is not None
         and {_URDF_FLOATING, _URDF_FIXED} & {*stated.replaces}
     ):
         return np.array([0.0, 0.0, 1.0]), False
-    if not kind.startswith(_REVOLUTE + _PRISMATIC) or joint.nv != 1:
+    axis = single_axis(source, data, index)
+    if axis is None:
         remedy = (
             f"a floating joint can only be {' or '.join(replacing(_URDF_FLOATING))}, with clearance"
             if kind == _FLOATING
@@ -627,8 +618,7 @@ def _axis(
         raise JointplayError(
             f"joint {name!r} is of the kind {kind.removeprefix('JointModel')}; {remedy}"
         )
-    (motion,), slides = motions(source, data, index), kind.startswith(_PRISMATIC)
-    return (motion[:3] if slides else motion[3:]), slides
+    return axis
 
 
 def _virtual_link(

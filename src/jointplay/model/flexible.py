@@ -30,6 +30,7 @@ from jointplay.model.elements import (
     put_inertial,
     set_end,
 )
+from jointplay.model.inertias import tensor_of
 from jointplay.model.loop import Loop
 from jointplay.model.urdf import Description, read_again
 from jointplay.physics.joints import Clearance, hinge_of_beam
@@ -226,14 +227,10 @@ def _given_inertia(link: Element) -> pin.Inertia | None:
     inertial = link.find("inertial")
     if inertial is None:
         return None
-    mass, tensor = inertial.find("mass"), inertial.find("inertia")
+    mass = inertial.find("mass")
     assert mass is not None  # checked when the URDF was read
-    assert tensor is not None
-    xx, xy, xz, yy, yz, zz = (
-        float(tensor.get(f"i{axes}", "0")) for axes in ("xx", "xy", "xz", "yy", "yz", "zz")
-    )
-    about = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-    inertia = pin.Inertia(float(mass.get("value", "0")), np.zeros(3), about)
+    tensor = tensor_of(inertial, f"link {link.get('name')!r}")
+    inertia = pin.Inertia(float(mass.get("value", "0")), np.zeros(3), tensor)
     return place_of(inertial).act(inertia)
 
 

@@ -14,6 +14,10 @@ Frames = tuple[Frame, Frame]
 
 WORLD_FRAME: Frame = (0, pin.SE3.Identity())
 
+TURNING, SLIDING = "JointModelR", "JointModelP"
+"""Prefixes of Pinocchio's names for joints with one axis: revolute and prismatic ones. Planar
+joints, ``JointModelPlanar``, have more than one coordinate."""
+
 
 def carried(model: pin.Model, index: int) -> Frame:
     """The frame with number `index` of a model."""
@@ -29,6 +33,20 @@ def motions(model: pin.Model, data: pin.Data, index: int) -> np.ndarray:
     joint, local = model.joints[index], pin.ReferenceFrame.LOCAL
     columns = pin.getJointJacobian(model, data, index, local).reshape(6, model.nv)
     return columns[:, joint.idx_v : joint.idx_v + joint.nv].T
+
+
+def single_axis(model: pin.Model, data: pin.Data, index: int) -> tuple[np.ndarray, bool] | None:
+    """Axis of Pinocchio's joint `index` in the joint's frame, and whether it slides along it.
+
+    None if the joint neither turns about one axis nor slides along one. After
+    `pin.computeJointJacobians`.
+    """
+    joint = model.joints[index]
+    kind = joint.shortname()
+    if joint.nv != 1 or not kind.startswith((TURNING, SLIDING)):
+        return None
+    (motion,), slides = motions(model, data, index), kind.startswith(SLIDING)
+    return (motion[:3] if slides else motion[3:]), slides
 
 
 def signs_between(model: pin.Model, first: int, second: int) -> np.ndarray:

@@ -307,11 +307,11 @@ def openings(
 
 def _free(mechanism: Mechanism, held: Sequence[int], journals: bool) -> np.ndarray:
     """Coordinates that are not `held`; without `journals` only those of the ideal mechanism."""
-    coordinates = range(mechanism.model.nv) if journals else own_coordinates(mechanism)
+    coordinates = range(mechanism.model.nv) if journals else ideal_coordinates(mechanism)
     return np.array([i for i in coordinates if i not in held], int)
 
 
-def own_coordinates(mechanism: Mechanism) -> list[int]:
+def ideal_coordinates(mechanism: Mechanism) -> list[int]:
     """Coordinates that the ideal mechanism has, too, with the carriages of locks."""
     indices = []
     for index, coordinate in enumerate(mechanism.coordinates):

@@ -186,7 +186,7 @@ class Mechanism(Overview, Described, Design):
         Raises:
             MissingName: no such joint.
         """
-        name = self.own_coordinate(joint)
+        name = self.ideal_coordinate(joint)
         if name not in self.coordinates or joint in self.loops:
             raise MissingName("moving joint", joint, self.joints)
         return self.coordinates.index(name)
@@ -378,17 +378,18 @@ class Mechanism(Overview, Described, Design):
         return hash((self.description.text, self.tool, self.gravity, tuple(self.given_joints)))
 
     def facts(self) -> tuple[str, dict[str, str]]:
-        moving = list(self.joints)
+        moving, hinges = list(self.joints), self.hinges
         facts = {"moving joints": few(moving)}
         if self.base_words:
             facts["base"] = self.base_words.removeprefix("the base ")
         if self.fix:
             facts["held joints"] = few(list(self.fix))
-        hinges = self.hinges
-        for name, its in hinges.items():
-            hinge = self.clearance[its[0]]
-            facts[f"link {name}"] = f"flexible, {counted(len(its), 'hinge')}, each {hinge.summary}"
-        in_links = {name for its in hinges.values() for name in its}
+        for link, names in hinges.items():
+            hinge = self.clearance[names[0]]
+            facts[f"link {link}"] = (
+                f"flexible, {counted(len(names), 'hinge')}, each {hinge.summary}"
+            )
+        in_links = {name for names in hinges.values() for name in names}
         for name, joint in self.clearance.items():
             if name in in_links:
                 continue

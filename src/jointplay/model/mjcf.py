@@ -162,11 +162,11 @@ def _named_files(text: str, path: Path, seen: set[Path]) -> Iterator[tuple[str, 
 @lru_cache(maxsize=8)
 def _read_apart(path: Path, stamps: tuple[tuple[str, int, int], ...]) -> str:
     """`read` in a process of its own; again if the files' `stamps` are others."""
-    return told_apart(__name__, path)
+    return convert_apart(__name__, path)
 
 
-def told_apart(module: str, path: Path) -> str:
-    """The text that a module's `serve` makes of an MJCF, in a process with limits; see `tell`.
+def convert_apart(module: str, path: Path) -> str:
+    """The text that a module's `serve` makes of an MJCF, in a process with limits; see `report`.
 
     Raises:
         JointplayError: the process reported a fault, or reached its limits.
@@ -187,10 +187,10 @@ def told_apart(module: str, path: Path) -> str:
 
 def serve(path: str) -> None:
     """Main function of the process: write the URDF to standard output."""
-    tell(path, read)
+    report(path, read)
 
 
-def tell(path: str, convert: Callable[[Path], str]) -> None:
+def report(path: str, convert: Callable[[Path], str]) -> None:
     """Write what `convert` makes of an MJCF, or a fault, to standard output as JSON, and exit."""
     try:
         answer = {"text": convert(Path(path))}

@@ -13,7 +13,7 @@ import numpy as np
 from jointplay.base.errors import JointplayError
 from jointplay.base.files import temporary
 from jointplay.model.meshes import FOLDER
-from jointplay.model.mjcf import compiled, load_mujoco, load_spec, tell, told_apart
+from jointplay.model.mjcf import compiled, convert_apart, load_mujoco, load_spec, report
 
 
 def compile_file(path: Path) -> Any:
@@ -25,7 +25,7 @@ def compile_file(path: Path) -> Any:
         JointplayError: MuJoCo is not installed, or cannot compile the file within the limits.
     """
     mujoco, name = load_mujoco(), "whole.mjb"
-    return mujoco.MjModel.from_binary_path(name, {name: b64decode(told_apart(__name__, path))})
+    return mujoco.MjModel.from_binary_path(name, {name: b64decode(convert_apart(__name__, path))})
 
 
 def compile_text(text: str, meshes: Mapping[str, bytes] = MappingProxyType({})) -> Any:
@@ -45,7 +45,7 @@ def compile_text(text: str, meshes: Mapping[str, bytes] = MappingProxyType({})) 
 
 def serve(path: str) -> None:
     """Main function of the process: write the compiled model to standard output."""
-    tell(path, _compile)
+    report(path, _compile)
 
 
 def _compile(path: Path) -> str:

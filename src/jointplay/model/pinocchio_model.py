@@ -12,10 +12,8 @@ import pinocchio as pin
 from jointplay.base.errors import JointplayError
 from jointplay.model import urdf
 from jointplay.model.elements import document, origin_of, put, put_fixed, put_inertial
-from jointplay.model.frames import motions
+from jointplay.model.frames import single_axis
 
-_TURNS = ("JointModelR", "JointModelRevolute")
-_SLIDES = ("JointModelP", "JointModelPrismatic")
 _WITHOUT_LIMITS = "JointModelRU"
 """Prefix of revolute joints with two coordinates, which have no limits (``RUBX`` and the like)."""
 
@@ -77,13 +75,13 @@ def _put_joint(
     root: ElementTree.Element, model: pin.Model, data: pin.Data, index: int, carriers: list[str]
 ) -> None:
     name, joint = model.names[index], model.joints[index]
-    kind = joint.shortname()
-    if not kind.startswith(_TURNS + _SLIDES) or joint.nv != 1:
+    kind, single = joint.shortname(), single_axis(model, data, index)
+    if single is None:
         raise JointplayError(
             f"joint {name!r} of the Pinocchio model is a {kind.removeprefix('JointModel')}; only "
             "joints that turn about one axis or slide along one can be taken"
         )
-    slides = kind.startswith(_SLIDES)
+    axis, slides = single
     free = kind.startswith(_WITHOUT_LIMITS)  # its place in q holds a cosine and a sine
     row, at = joint.idx_v, joint.idx_q
     limits = {"effort": model.effortLimit[row], "velocity": model.velocityLimit[row]}
@@ -96,8 +94,7 @@ def _put_joint(
     element.append(origin_of(model.jointPlacements[index]))
     put(element, "parent", link=carriers[model.parents[index]])
     put(element, "child", link=carriers[index])
-    (axis,) = motions(model, data, index)
-    put(element, "axis", xyz=axis[:3] if slides else axis[3:])
+    put(element, "axis", xyz=axis)
     limits |= {"lower": low, "upper": high} if ends else {}
     limits = {key: x for key, x in limits.items() if np.isfinite(x) and abs(x) < 1e300}
     if limits:

@@ -551,7 +551,7 @@ def _partly_limited(root: ElementTree.Element) -> list[str]:
 
 def _resistance(dynamics: ElementTree.Element | None, key: str, name: str) -> float:
     """Friction or damping of a joint, not negative."""
-    value = _number(dynamics, key, f"joint {name!r}:", "0")
+    (value,) = numbers(dynamics, key, f"joint {name!r}: {key}", 1, "0")
     if value < 0.0:
         raise JointplayError(f"joint {name!r}: {key} must not be negative, got {value:g}")
     return value
@@ -570,9 +570,9 @@ def mimics(root: ElementTree.Element) -> tuple[dict[str, Mimic], dict[str, Mimic
         name, mimic = joint.get("name", ""), joint.find("mimic")
         if mimic is None:
             continue
-        label, leader = f"joint {name!r}: mimic", mimic.get("joint", "")
-        factor = _number(mimic, "multiplier", label, "1")
-        offset = _number(mimic, "offset", label, "0")
+        leader = mimic.get("joint", "")
+        (factor,) = numbers(mimic, "multiplier", f"joint {name!r}: mimic multiplier", 1, "1")
+        (offset,) = numbers(mimic, "offset", f"joint {name!r}: mimic offset", 1, "0")
         (followers if leader in joints else astray)[name] = Mimic(leader, factor, offset)
     above = {name: mimic.leader for name, mimic in followers.items()}
     for name in followers:
@@ -650,13 +650,6 @@ def _vector(
     if abs(worst) > LARGEST:
         raise JointplayError(f"{label} must be no larger than {LARGEST:g}, got {worst:g}")
     return values
-
-
-def _number(
-    element: ElementTree.Element | None, key: str, label: str, default: str | None = None
-) -> float:
-    """One number of an attribute, see `numbers`."""
-    return numbers(element, key, f"{label} {key}", 1, default)[0]
 
 
 def read_again(
