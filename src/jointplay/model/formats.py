@@ -1,16 +1,14 @@
 """Robots' files of all formats: a file that is no URDF is turned into one.
 
-A format is a module with a function from the file's text to that of a URDF, and its line in
-`FORMATS`; xacro (`model.xacro`) is told from a URDF by what is in the file. All that comes later
-sees a `Description`.
+An MJCF is told by its root element, xacro (`model.xacro`) by what is in the file. All that comes
+later sees a `Description`.
 """
 
 from __future__ import annotations
 
 import re
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Callable, Collection, Mapping
-from importlib import import_module
+from collections.abc import Collection, Mapping
 from io import StringIO
 from pathlib import Path
 
@@ -20,10 +18,8 @@ from jointplay.model import urdf, xacro
 from jointplay.model.robots import Source, source_of
 
 _PREFIX = re.compile(r"<([A-Za-z_][\w.-]*):")
-FORMATS: dict[str, tuple[str, str]] = {"mujoco": ("mjcf", "urdf_text")}
-"""Module of this package, and its function ``(text, path) -> URDF``, that convert a format, by the
-tag of the file's root element. The module is imported when a file has that root; any other file is
-a URDF."""
+_MJCF = "mujoco"
+"""Tag of an MJCF's root element."""
 
 
 def read(
@@ -67,24 +63,22 @@ def urdf_text(source: Source, arguments: Mapping[str, xacro.Value]) -> str:
     elif arguments:
         name = next(iter(arguments))
         raise JointplayError(f"{str(path)!r} is no xacro: it takes no argument {name!r}")
-    tag = _root_tag(text)
-    if tag not in FORMATS:  # many have <sensor:camera> for Gazebo, and do not declare the prefix
-        prefixes = dict.fromkeys(_PREFIX.findall(xacro.without_comments(text)))
-        declared = [
-            f' xmlns:{prefix}="{prefix}"' for prefix in prefixes if f"xmlns:{prefix}" not in text
-        ]
-        return re.sub(r"<robot\b", lambda match: match[0] + "".join(declared), text, count=1)
-    module, name = FORMATS[tag]
-    converted: Callable[[str, Path], str] = getattr(
-        import_module(f"jointplay.model.{module}"), name
-    )
-    return converted(text, path)
+    if _root_tag(text) == _MJCF:
+        from jointplay.model import mjcf  # a module that a URDF does without
+
+        return mjcf.urdf_text(text, path)
+    # Many URDFs have <sensor:camera> for Gazebo, and do not declare the prefix.
+    prefixes = dict.fromkeys(_PREFIX.findall(xacro.without_comments(text)))
+    declared = [
+        f' xmlns:{prefix}="{prefix}"' for prefix in prefixes if f"xmlns:{prefix}" not in text
+    ]
+    return re.sub(r"<robot\b", lambda match: match[0] + "".join(declared), text, count=1)
 
 
 def says_more(place: str | Path, folder: Path = Path()) -> bool:
-    """Whether a robot's file has one of `FORMATS`, which say more than a URDF."""
+    """Whether a robot's file is of a format that says more than a URDF: an MJCF."""
     path = source_of(place, folder).path
-    return _root_tag(read_text(path, "robot")) in FORMATS
+    return _root_tag(read_text(path, "robot")) == _MJCF
 
 
 def _root_tag(text: str) -> str:
