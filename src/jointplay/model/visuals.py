@@ -100,17 +100,18 @@ def look(
     description = mechanism.description
     robot = description.declared
     where = mesh_folders(mechanism, folders)
+    # Poses of the links with all joints at zero give the robot's size, and those of stand-ins.
     source = parse(description)
     data = source.createData()
     pin.framesForwardKinematics(source, data, pin.neutral(source))
-    places = {  # of the links, all joints at zero
+    places = {
         frame.name: data.oMf[index].copy()
         for index, frame in enumerate(source.frames)
         if frame.type == pin.FrameType.BODY
     }
     points = np.array([place.translation for place in places.values()])
     reach = float(np.linalg.norm(points[:, None] - points[None], axis=2).max())
-    scene = Look([], reach if reach > 1e-6 else 0.3)
+    seen = Look([], reach if reach > 1e-6 else 0.3)
     tones = {name: TONES[number % len(TONES)] for number, name in enumerate(places)}
     bare = []
     for link in robot.links:
@@ -120,7 +121,7 @@ def look(
             form, file, parts = _surfaces(element.geometry, where, not description.stored)
             mesh = element.geometry.mesh
             if not parts:
-                scene.missing.append(mesh.filename or "")
+                seen.missing.append(mesh.filename or "")
                 continue
             frame = np.eye(4) if element.origin is None else np.array(element.origin)
             scale = np.ones(3) if mesh is None or mesh.scale is None else mesh.scale
@@ -129,19 +130,20 @@ def look(
             colours = tuple(declared or part.colour or tones[link.name] for part in parts)
             own_colour = declared is not None
             forms.append(LinkShape(link.name, frame, scale, form, file, parts, colours, own_colour))
-        scene.shapes.extend(form for form in forms if any(len(p.triangles) for p in form.parts))
+        seen.shapes.extend(form for form in forms if any(len(p.triangles) for p in form.parts))
         if elements and not forms:
             bare.append(link.name)
     if collisions:
-        return scene
+        return seen
+    # Links whose visuals are all missing get stand-ins; all links do if the URDF has no visuals.
     if not any(link.visuals for link in robot.links):
         bare = [link.name for link in robot.links]
-    for name, place, form in _stand_ins(mechanism, places, bare, THICKNESS * scene.reach):
+    for name, place, form in _stand_ins(mechanism, places, bare, THICKNESS * seen.reach):
         part, tone = surface_of(form), tones[name]
-        scene.shapes.append(
+        seen.shapes.append(
             LinkShape(name, place, np.ones(3), form, "", (part,), (tone,), stands_in=True)
         )
-    return scene
+    return seen
 
 
 def geometry_model(mechanism: Mechanism, seen: Look) -> pin.GeometryModel:

@@ -110,8 +110,8 @@ class MotionTable:
     speeds: dict[str, float] | None = quantity(*ANGULAR_SPEED, default=None)
     """Constant speed, by joint, from the position in [start]; needs a duration."""
     interpolation: str | None = choice("interpolation", INTERPOLATIONS, default=None)
-    """How joints move between waypoints; if not given, what the file says, or by the points:
-    ``spline`` for samples, ``rest-to-rest`` for waypoints."""
+    """Interpolation between waypoints; if not given, the file's, or by the points: ``spline`` for
+    samples, ``rest-to-rest`` for waypoints."""
     tool_position: list[Vector] | None = quantity("m", default=None)
     """Position of the frame at each time, in world axes; inverse kinematics finds the joints'."""
     tool_rpy: list[Vector] | None = quantity("rad", default=None)
@@ -146,7 +146,7 @@ class IntegrationTable(Integration):
 
 @dataclass(frozen=True, kw_only=True)
 class Output(RecordSettings):
-    """What is recorded."""
+    """Records of a run, and figures."""
 
     figures: bool = True
     """Whether figures that compare the cases are drawn; the overview, if there is one case."""

@@ -270,7 +270,7 @@ class Preset:
         Raises:
             JointplayError: the robot does not have all joints of the preset.
         """
-        able, holds = ("revolute", "continuous"), description.joints
+        holds = description.joints
         if self.every or self.named:
             tables_of = self.named or dict.fromkeys(self.every["joints"], self.every)
             if tables_of.keys().isdisjoint(holds):
@@ -282,8 +282,9 @@ class Preset:
                 require_known("joint", name, holds, f"; preset {self.name!r} names it")
             by_joint = list(tables_of.items())
         else:
-            turning = [name for name, entry in holds.items() if entry.kind in able]
-            turning.sort(key=lambda name: len([*description.above(holds[name].parent)]))
+            turning = sorted(
+                description.revolute, key=lambda name: len([*description.above(holds[name].parent)])
+            )
             last = len(self.ordered) - 1
             by_joint = [(name, self.ordered[min(k, last)]) for k, name in enumerate(turning)]
         by_table: dict[str, dict[str, Any]] = {}

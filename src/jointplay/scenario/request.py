@@ -138,6 +138,7 @@ class Request:
         if self.place is None and not names and not self.ideal:
             names = [SCARA_JOINT]
         names += [] if self.ideal else self._loosened()
+        # Of two settings for one key the later counts: from the preset to single keys.
         settings = [*self._preset_settings(), *self._sized]
         beyond = []
         if self.file is None and self.place is not None:
