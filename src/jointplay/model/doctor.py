@@ -240,9 +240,9 @@ class _Patient:
 
     def names(self) -> Iterator[Finding]:
         """Names given twice."""
-        for kind, all_ in (("link", self.links), ("joint", self.joints)):
+        for kind, elements in (("link", self.links), ("joint", self.joints)):
             seen: dict[str, Element] = {}
-            for element in all_:
+            for element in elements:
                 name = element.get("name", "")
                 first = seen.setdefault(name, element)
                 if first is not element:

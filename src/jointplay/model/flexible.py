@@ -90,8 +90,8 @@ def _cut(cut: Cut, name: str, flexible: FlexibleLink) -> Cut:
     """Cut one more link, and its entry in the URDF, loops and hinges so far."""
     root = cut.description.elements()
     link = next(element for element in root.findall("link") if element.get("name") == name)
-    held = [joint for joint in root.findall("joint") if _link_of(joint, "parent") == name]
-    last, end = _end(name, flexible, held)
+    carried = [joint for joint in root.findall("joint") if _link_of(joint, "parent") == name]
+    last, end = _end(name, flexible, carried)
     start = np.array(flexible.start)
     length = float(np.linalg.norm(end - start))
     if length < _SHORTEST_M:
@@ -133,7 +133,7 @@ def _cut(cut: Cut, name: str, flexible: FlexibleLink) -> Cut:
     put(root, "link", name=f"{name}{TIP}")
     end_frame = frames[-1].actInv(pin.SE3(np.eye(3), end))
     put_fixed(root, f"{name}{TIP}", pieces[-1], f"{name}{TIP}", end_frame)
-    for joint in held:
+    for joint in carried:
         place = place_of(joint)
         k = flexible.segments if joint is last else piece_at(place.translation)
         set_end(joint, "parent", pieces[k])
@@ -153,19 +153,19 @@ def _cut(cut: Cut, name: str, flexible: FlexibleLink) -> Cut:
 
 
 def _end(
-    name: str, flexible: FlexibleLink, held: list[Element]
+    name: str, flexible: FlexibleLink, carried: list[Element]
 ) -> tuple[Element | None, np.ndarray]:
     """Joint at which the beam ends, if it ends at one, and the point in the link's frame [m]."""
     if flexible.tip is not None:
         return None, np.array(flexible.tip)
-    by_name = {joint.get("name", ""): joint for joint in held}
+    by_name = {joint.get("name", ""): joint for joint in carried}
     if flexible.to is not None:
         if flexible.to not in by_name:
             noun = f"joint that link {name!r} carries"
             raise MissingName(noun, flexible.to, by_name, where=("to",))
         last = by_name[flexible.to]
         return last, place_of(last).translation
-    moving = [joint for joint in held if joint.get("type") != "fixed"] or held
+    moving = [joint for joint in carried if joint.get("type") != "fixed"] or carried
     if len(moving) != 1:
         if not moving:
             raise JointplayError(

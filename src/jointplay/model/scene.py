@@ -57,7 +57,7 @@ class Scene:
     def joints(self) -> list[MarkedJoint]:
         """Joints with clearance, then those that close loops, on the links that carry them."""
         mechanism, marked = self.mechanism, []
-        hinges = {name for its in mechanism.hinges.values() for name in its}
+        hinges = {name for names in mechanism.hinges.values() for name in names}
         loops = [name for name in mechanism.loops if name not in mechanism.clearance]
         carriers = {index: link for link, (index, _) in reversed([*enumerate(self._frames)])}
         for name in (*mechanism.clearance, *loops):

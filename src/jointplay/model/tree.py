@@ -553,9 +553,9 @@ class Tree:
                 placements.append(start * turn)
                 inertias.append(np.zeros(10))
                 body, start = len(parents) - 1, turn.inverse()
-            held = start.act(model.inertias[index])
-            xx, xy, yy, xz, yz, zz = held.inertia[(0, 0, 1, 0, 1, 2), (0, 1, 1, 2, 2, 2)]
-            inertias[body] = np.array([held.mass, *held.lever, xx, xy, yy, xz, yz, zz])
+            inertia = start.act(model.inertias[index])
+            xx, xy, yy, xz, yz, zz = inertia.inertia[(0, 0, 1, 0, 1, 2), (0, 1, 1, 2, 2, 2)]
+            inertias[body] = np.array([inertia.mass, *inertia.lever, xx, xy, yy, xz, yz, zz])
             self._last_body.append(body)
             self._turned.append(start)
         self.bodies = Bodies(

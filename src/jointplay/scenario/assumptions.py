@@ -199,7 +199,7 @@ def _robot(mechanism: Mechanism, reason: str) -> list[str]:
 
 def _joints(mechanism: Mechanism, origins: Origins, moves: bool = True) -> list[str]:
     """A line on the joints with clearance, alike ones together; restitution only if it `moves`."""
-    hinges = {name for its in mechanism.hinges.values() for name in its}
+    hinges = {name for names in mechanism.hinges.values() for name in names}
     alike: dict[str, list[str]] = {}
     for name, joint in mechanism.clearance.items():
         if name not in hinges:

@@ -191,8 +191,8 @@ class Preset:
             "gear": {name: shortest(Gearing, value) for name, value in mechanism.gears.items()},
         }
         named: dict[str, dict[str, Any]] = {}
-        for some in (parts, tables):
-            for part, by_joint in some.items():
+        for by_part in (parts, tables):
+            for part, by_joint in by_part.items():
                 for joint, table in by_joint.items():
                     named.setdefault(joint, {})[part] = table
         known = "what was measured on this robot, and what stood in its scenario"

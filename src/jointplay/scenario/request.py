@@ -238,7 +238,7 @@ class Request:
         left["joints"] = [*left.get("joints", ()), *fitted]
         if self.ideal:
             left["joints"] = [setting.key[1] for setting in settings]
-        return [each for each in settings if each.key[1] not in left.get(each.key[0], ())]
+        return [s for s in settings if s.key[1] not in left.get(s.key[0], ())]
 
     @cached_property
     def _sized(self) -> list[Setting]:

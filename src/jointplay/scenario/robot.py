@@ -297,13 +297,13 @@ def _there_and_back(description: Description, free: Collection[str]) -> tuple[di
         fastest = entry.speed or np.inf
         for follower in followers.get(name, ()):
             _, factor, offset = _led_by(description, follower)
-            its = description.joints[follower]
-            if factor and its.lower is not None and its.upper is not None:
-                ends = sorted(((its.lower - offset) / factor, (its.upper - offset) / factor))
+            limits = description.joints[follower]
+            if factor and limits.lower is not None and limits.upper is not None:
+                ends = sorted(((limits.lower - offset) / factor, (limits.upper - offset) / factor))
                 if max(low, ends[0]) <= min(high, ends[1]):  # limits that contradict do not count
                     low, high = max(low, ends[0]), min(high, ends[1])
-            if factor and its.speed:
-                fastest = min(fastest, its.speed / abs(factor))
+            if factor and limits.speed:
+                fastest = min(fastest, limits.speed / abs(factor))
         inside = ROOM * (high - low) if np.isfinite(high - low) else 0.0
         begin = float(np.clip(between(low, high), low + inside, high - inside))
         room = max(high - begin, begin - low)

@@ -70,7 +70,7 @@ def facts(run: Run) -> dict[str, str]:
             f"{mechanism.loop_class(name).kind}, {loop.bearing_link} - {loop.journal_link}"
         )
     facts |= {f"link {name}": details for name, details in mechanism.flexible.items()}
-    hinges = {name for its in mechanism.hinges.values() for name in its}
+    hinges = {name for names in mechanism.hinges.values() for name in names}
     step = simulation.step
     for name, joint in mechanism.clearance.items():
         if name in hinges:
