@@ -30,7 +30,7 @@ class SelfCollision:
         self._geometry = geometry
         if geometry.ngeoms < 2:
             self.notes = (
-                "self-collision was not looked at: the URDF has no collision geometry that can be "
+                "self-collision was not checked: the URDF has no collision geometry that can be "
                 "read",
             )
             return
@@ -50,7 +50,7 @@ class SelfCollision:
         if touching:
             names = [" and ".join(self._link(k) for k in pair) for pair in touching]
             text = few(list(dict.fromkeys(names)))
-            self.notes = (f"not looked at for self-collision, for they touch at zero: {text}",)
+            self.notes = (f"not checked for self-collision, for they touch at zero: {text}",)
 
     def hits(self, positions: Mapping[str, float]) -> bool:
         """Whether the robot hits itself with its joints at these positions [rad or m]."""

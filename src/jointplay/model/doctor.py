@@ -265,7 +265,7 @@ class _Patient:
                 for key in ("effort", "velocity"):
                     limit.set(key, limit.get(key, "0").lstrip("-"))
                 right, text = "positive, as it is a size", _shown(limit)
-            elif "<mass>, where nobody" in why and self._mass(top.find("inertial")):
+            elif "<mass>, where it is not read" in why and self._mass(top.find("inertial")):
                 for mass in top.findall("mass"):
                     top.remove(mass)
                 kept_masses = top.findall("inertial/mass")
@@ -289,7 +289,7 @@ class _Patient:
                 )
             if kind in urdf.NO_AXIS:
                 if kind == "floating":
-                    fault = "floats: play cannot be in it; --base free lets a base float"
+                    fault = "a floating joint cannot have play; --base free lets a base float"
                     yield Finding(line, where, fault, "", note=True)
                 continue
             if axis is not None:

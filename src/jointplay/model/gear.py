@@ -382,7 +382,7 @@ class Gear(Gearing):
     def curve(self) -> Curve:
         if self.stiffness is None:
             raise JointplayError(
-                "the stiffness of this gear is not given, and hangs on its joint: see "
+                "the stiffness of this gear is not given, and follows from its joint: see "
                 "Mechanism.gears, or give it",
                 ("stiffness",),
             )

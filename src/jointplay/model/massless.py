@@ -60,7 +60,7 @@ def _negative(mechanism: Mechanism, q: np.ndarray, motion: np.ndarray) -> str:
     return (
         f"the mass matrix is indefinite, {', '.join(names)} would move with negative energy: "
         f"{'; '.join(faults) or 'see the inertias of the links'}; that was allowed, but only "
-        "jointplay budget can do with it: correct it"
+        "jointplay budget works with it: correct it"
     )
 
 

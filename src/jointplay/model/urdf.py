@@ -379,7 +379,7 @@ def _with_world(root: ElementTree.Element) -> bool:
         return False
     root.insert(0, ElementTree.Element("link", name=_WORLD))
     doubt(
-        root, f"joints begin at {_WORLD!r}, which no link is called: it is the ground, as in Drake"
+        root, f"joints begin at {_WORLD!r}, but no link is called so: it is the ground, as in Drake"
     )
     return True
 

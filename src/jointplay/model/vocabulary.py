@@ -188,11 +188,11 @@ def _check(
     meant = f'did you mean "{near}"? ' if near else closest(word, known, likeness)
     if meant or vocabulary.exclusive:
         choices = ", ".join(known) or "nothing"
-        raise JointplayError(f"{place} has {shown}, which nobody reads; {meant}known: {choices}")
+        raise JointplayError(f"{place} has {shown}, which is not read; {meant}known: {choices}")
     if word in elsewhere:
         homes = [f"<{tag}>" for tag, its in WORDS.items() if word in its.elements]
         raise JointplayError(
-            f"{place} has {shown}, where nobody reads it; it belongs in {' or '.join(homes)}"
+            f"{place} has {shown}, where it is not read; it belongs in {' or '.join(homes)}"
         )
 
 

@@ -88,7 +88,7 @@ def notes_at_poses(
     lines += mechanism.description.doubts
     if wrong := impossible_inertias(mechanism.description.parsed):
         lines.append(
-            f"inertias that no rigid body has, of no account where nothing moves: "
+            f"inertias that no rigid body has, without effect where nothing moves: "
             f"{few(list(wrong))}; jointplay run needs right ones"
         )
     if mechanism.free_base is not None:

@@ -212,7 +212,7 @@ def require_machine(model: Model) -> None:
         raise JointplayError("give [robot] urdf or [linkage], not both", where=("linkage",))
     if not model.robot.urdf and model.linkage is None:
         raise JointplayError(
-            "what moves is missing: give [robot] urdf, or a [linkage] of points and links",
+            "the machine is missing: give [robot] urdf, or a [linkage] of points and links",
             where=("robot",),
         )
     if model.linkage is not None and model.robot.xacro:
