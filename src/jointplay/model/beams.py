@@ -82,9 +82,7 @@ def section(text: str) -> Section:
     parsed = _WRITTEN.match(text)
     forms = ", ".join(f'"{example}" ({numbers})' for _, numbers, example in FORMS.values())
     if parsed is None:
-        raise JointplayError(
-            f"{text!r} is no section; possible are {forms}", where=("section",)
-        )
+        raise JointplayError(f"{text!r} is no section; possible are {forms}", where=("section",))
     form, numbers, unit = parsed[1], re.split(r"\s*[x×]\s*", parsed[2]), parsed[3]
     count, meaning, example = FORMS[form]
     try:
