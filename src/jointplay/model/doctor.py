@@ -318,6 +318,7 @@ class _Patient:
                 continue
             size = float(np.ptp(solid.bounds, axis=0).max())
             factor = 1.0
+            # Too small is only what is of a sound size in the other unit.
             if size > max(_LONGEST, _HUGE * self.reach):
                 factor = 1e-3
             elif self.reach and size < _TINY * self.reach and size * 1e3 > _TINY * self.reach * 30:
@@ -328,7 +329,7 @@ class _Patient:
                 old = np.array([float(number) for number in mesh.get("scale", "1 1 1").split()])
                 mesh.set("scale", written(factor * np.broadcast_to(old, 3)))
                 shown = _shown(mesh)
-            del self.solids[link]
+            del self.solids[link]  # of the wrong size
             unit = "millimetres" if factor < 1.0 else "metres, scaled to millimetres"
             fault = (
                 f"meshes of {readable(size, 'm', 3)} on a robot of {readable(self.reach, 'm', 3)}"
@@ -403,6 +404,7 @@ class _Patient:
         size, centre = float(np.linalg.norm(high - low)), place_of(inertial).translation
         if size < urdf.SHORTEST_AXIS:
             return "", False
+        # The centre of mass, outside the shapes.
         if np.any(centre < low - _ASIDE * size) or np.any(centre > high + _ASIDE * size):
             less = centre / 1e3
             inside = np.all(less >= low) and np.all(less <= high)
@@ -412,6 +414,7 @@ class _Patient:
             ), not inside
         tensor = tensor_of(inertial, f"link {link.get('name')!r}")
         principal = np.linalg.eigvalsh(tensor)
+        # The inertia, beyond that of all mass in the farthest corner, or next to nothing.
         corners = np.abs(np.array([low, high]) - centre).max(axis=0)
         most = mass * float(corners @ corners)
         likely = np.linalg.eigvalsh(solid.at(mass).inertia)

@@ -39,7 +39,7 @@ def massless_motions(mechanism: Mechanism, q: np.ndarray) -> np.ndarray:
         raise JointplayError("nothing can move: the mechanism has no joint that is not fixed")
     mass = mechanism.mass_matrix(q)
     diagonal = mass.diagonal()
-    bare = diagonal <= _NO_INERTIA
+    bare = diagonal <= _NO_INERTIA  # cannot be scaled: each is a motion by itself
     scale = np.where(bare, 0.0, 1.0 / np.sqrt(np.where(bare, 1.0, diagonal)))
     values, vectors = np.linalg.eigh(mass * np.outer(scale, scale) + np.diag(bare * 1.0))
     if values[0] < -_SINGULAR or diagonal.min() < -_NO_INERTIA:

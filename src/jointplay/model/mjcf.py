@@ -302,7 +302,7 @@ def _lighten(spec: Any, path: Path) -> list[tuple[Any, _Mesh]]:
     meshes = {mesh.name or Path(mesh.file).stem: mesh for mesh in spec.meshes}
     needed, shown = set(), []
     for geom in list(spec.geoms):
-        if geom.hfieldname:
+        if geom.hfieldname:  # terrain
             spec.delete(geom)
         if geom.hfieldname or not geom.meshname:
             continue
@@ -321,6 +321,7 @@ def _lighten(spec: Any, path: Path) -> list[tuple[Any, _Mesh]]:
                 )
             needed.add(name)
             continue
+        # The geom stays, for the picture of its mesh is placed by it; only its shape goes.
         geom.type, geom.meshname, geom.mass = kinds.mjGEOM_SPHERE, "", 0.0
         geom.size, geom.typeinertia = [1e-3, 0.0, 0.0], shapes.mjINERTIA_VOLUME
     for material in spec.materials:
@@ -472,6 +473,7 @@ class _Reading:
         """
         model, tendons = self.model, self.mujoco.mjtWrap.mjWRAP_JOINT
         inertia = 1.0 / float(model.dof_invweight0[self._dof(joint)])
+        # A tendon on this joint alone: slack between two lengths of its spring, or limited.
         for t in range(model.ntendon):
             at = int(model.tendon_adr[t])
             if model.tendon_num[t] != 1 or model.wrap_type[at] != tendons:

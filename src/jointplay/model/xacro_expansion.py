@@ -143,6 +143,8 @@ def _confine(parent: _Parent, xacro: Any) -> list[str]:
         names = _Substitution(substitution, context.get("arg", {}))
         return str(_evaluate(text, names, xacro))
 
+    # Files, patterns and expressions of the library itself; then what $(find), $(env) and $(eval)
+    # call; then its namespace `python`.
     xacro.warning = warn
     xacro.open = lambda name: io.StringIO(parent.ask("read", name))
     xacro.glob = SimpleNamespace(glob=lambda pattern: parent.ask("match", pattern))

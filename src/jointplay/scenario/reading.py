@@ -729,7 +729,7 @@ def merge(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]
     for key, value in changes.items():
         before = merged.get(key)
         if isinstance(before, str) and isinstance(value, Mapping) and key in _WORDS:
-            before = {_WORDS[key]: before}
+            before = {_WORDS[key]: before}  # friction = "coulomb", then friction.mu_d = 0.2
         if isinstance(before, Mapping) and isinstance(value, Mapping):
             replaced = any(word in value and value[word] != before.get(word) for word in _SELECTORS)
             if key == "motion" and before.keys() & MOTION_SOURCES.keys():
