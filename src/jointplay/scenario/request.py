@@ -51,8 +51,7 @@ EACH = "*"
 CLEARANCE = ("joints", EACH, "clearance")
 """Key that stands for the first of `clearance_fields` of each kind of joint."""
 _OF_FIT = ("clearance", "axial_clearance", "bearing_radius", "journal_radius")
-"""Keys that joints with a fit or a catalogued bearing have by that: given for many, they skip such.
-"""
+"""Sizes that a fit or a catalogued bearing gives: as keys for many joints they leave out such."""
 _LINEAR = ("linear-spring", "kelvin-voigt", "anagnostopoulos")
 """Laws with a stiffness of their own, in N/m; elsewhere ``stiffness`` is the joint's."""
 
