@@ -218,8 +218,7 @@ class FlexibleLink(Described):
     line_mass: OptionalQuantity = quantity("kg/m", default=None, above=0.0, label="mass per length")
     """Mass per length, instead of section and material [kg/m]."""
     gyration_radius: OptionalQuantity = quantity("m", default=None, above=0.0)
-    """Radius of gyration of the section about the beam's axis, instead of section and material [m].
-    """
+    """Radius of gyration about the beam's axis, instead of section and material [m]."""
 
     def __post_init__(self) -> None:
         check_fields(self)

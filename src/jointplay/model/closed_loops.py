@@ -156,8 +156,7 @@ class ClosedLoops:
     def close_all(
         self, q: np.ndarray, *, apart: bool = False, begin: np.ndarray | None = None
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Configurations (n, nq) with their loops closed, journals centred; and for which that is
-        possible, (n,).
+        """Configurations (n, nq) with closed loops, journals centred; and where that succeeded.
 
         From one to the next the driven joints go in small steps, so that the mechanism stays on its
         branch. The first is reached from `begin` (nq,), closed, or else from its own passive

@@ -6,8 +6,7 @@ import numpy as np
 import pinocchio as pin
 
 Frame = tuple[int, pin.SE3]
-"""A frame: index of the Pinocchio joint that carries it, and its placement in this joint's frame.
-"""
+"""A frame: the Pinocchio joint that carries it, and its placement in the joint's frame."""
 
 Frames = tuple[Frame, Frame]
 """Two frames, such as bearing and journal."""

@@ -170,9 +170,7 @@ class Gearing(Described, ABC):
 
     @property
     def unloaded_range(self) -> float:
-        """Range in which an unloaded joint may rest while its motor stands [rad]: the play and the
-        width of the hysteresis loop.
-        """
+        """Range in which an unloaded joint may rest [rad]: the play and the hysteresis' width."""
         grip, _ = self.bristles
         return self.play + 2.0 * float(self.curve().depth(np.array(grip)))
 
@@ -449,8 +447,7 @@ class _Catalogued(_Lossy):
     efficiency: Quantity = quantity("", default=1.0)
     """Efficiency under load where the motor drives."""
     back_driving_efficiency: OptionalQuantity = quantity("", default=None)
-    """Efficiency under load where the joint drives; by the friction of `efficiency` if not given.
-    """
+    """Efficiency where the joint drives; by the friction of `efficiency` if not given."""
 
     needs: ClassVar[tuple[str, ...]]
     """Fields that either the user or the catalogue must give."""
@@ -673,8 +670,7 @@ class CycloidalGear(_Catalogued):
     error_amplitudes: tuple[float, ...] = quantity("rad", default=(), label="kinematic error")
     """Amplitude of the kinematic error at each order, an angle of the joint [rad]."""
     error_phases: tuple[float, ...] = quantity("rad", default=(), label="phase of an error")
-    """Phase of the kinematic error at each order where the motor is at zero [rad]; 0 if not given.
-    """
+    """Phase of the kinematic error at each order, the motor at zero [rad]; 0 if not given."""
 
     def _check(self) -> None:
         orders, amplitudes = self.error_orders, self.error_amplitudes

@@ -66,8 +66,7 @@ class LinkageLink(Described):
     """Moment of inertia about the centre of mass and the normal of the plane, or the largest
     principal moment in a spatial linkage; if not given, that of the lines."""
     section: str | None = None
-    """Cross-section: ``"tube 20x2 mm"``, ``"rod 8 mm"``, ``"box 30x20x2 mm"`` or ``"bar 20x5 mm"``.
-    """
+    """Section: ``"tube 20x2 mm"``, ``"rod 8 mm"``, ``"box 30x20x2 mm"`` or ``"bar 20x5 mm"``."""
     material: Material = field(default_factory=lambda: material("carbon-steel"))
     """Material of the section, with a density."""
 

@@ -279,9 +279,7 @@ def newton_step(
     aside: Mapping[str, pin.SE3] | None = None,
     loops: Collection[str] | None = None,
 ) -> np.ndarray:
-    """One step of `newton` for `loops` (None: all) from q (nq,): its length along each of
-    `directions` (nv, k), shape (k,).
-    """
+    """One step of `newton` from q, by its length along each direction (k,), for `loops`."""
     residual = weight * openings(mechanism, q, aside, loops)
     rows = (np.reshape(weight, (-1, 1)) * closing_rows(mechanism, q, loops)) @ directions
     change: np.ndarray = np.linalg.lstsq(rows, -residual, rcond=SINGULAR)[0]

@@ -180,8 +180,7 @@ class Mechanism(Overview, Described, Design):
         return hinges_of(self.description, self.clearance)
 
     def coordinate(self, joint: str) -> int:
-        """Index in q of the coordinate that `joint` has without clearance, too: yaw, or z if it
-        slides, of a joint with clearance.
+        """Index in q of the ideal joint's coordinate; with clearance yaw, or z of a slider.
 
         Raises:
             MissingName: no such joint.
@@ -232,9 +231,7 @@ class Mechanism(Overview, Described, Design):
 
     @property
     def held(self) -> str:
-        """A sentence that the base is held (`Description.held`); empty where nobody would ask, as
-        of a linkage.
-        """
+        """A sentence that the base is held; empty where nobody would ask, as of a linkage."""
         return "" if self.loops or self.free_base else self.description.held
 
     @property
@@ -262,9 +259,7 @@ class Mechanism(Overview, Described, Design):
         return self.with_clearance(self._ideal_joints(), {})
 
     def _ideal_joints(self) -> dict[str, Clearance]:
-        """Joints whose kind the ideal mechanism must still know, as ideal ones: those of loops, and
-        those with several coordinates, such as balls.
-        """
+        """Ideal joints whose kind must still be known: in loops, or with several coordinates."""
         return {
             name: replace(joint, ideal=True)
             for name, joint in self.given_joints.items()
@@ -340,9 +335,7 @@ class Mechanism(Overview, Described, Design):
         return copy
 
     def configuration(self, positions: Mapping[str, float]) -> np.ndarray:
-        """Configuration q (nq,) with these joint positions [rad or m], their motors alike, and zero
-        otherwise: journals centred.
-        """
+        """Configuration q with these joint positions [rad or m], zero else: journals centred."""
         q = np.zeros(self.model.nq)
         for joint, value in positions.items():
             q[self.coordinate(joint)] = value

@@ -41,8 +41,7 @@ WIDEST_PLAY = 0.1
 _PARALLEL = 1e-6
 """Distance of two axes, and sine of the angle between them, up to which they are one [m, 1]."""
 _UNBOUNDED = 1e3
-"""Error at which a servo's supply ends [rad or m]: out of reach, for MuJoCo's actuators have none.
-"""
+"""Error at which a servo's supply, which MuJoCo's actuators lack, would end [rad or m]."""
 _FINITE = (
     *("jnt_range", "jnt_stiffness", "qpos0", "qpos_spring", "dof_damping", "dof_frictionloss"),
     *("dof_armature", "body_pos", "body_quat", "body_mass", "body_inertia", "eq_data", "geom_size"),
@@ -468,9 +467,7 @@ class _Reading:
                 yield near[0], play
 
     def _dead_band(self, joint: int) -> _Play | None:
-        """A hinge as play, between its own stops or those of a tendon on it alone; None if it has
-        no such stops.
-        """
+        """A hinge as play between stops, its own or those of a tendon on it alone, if any."""
         model, tendons = self.model, self.mujoco.mjtWrap.mjWRAP_JOINT
         inertia = 1.0 / float(model.dof_invweight0[self._dof(joint)])
         # A tendon on this joint alone: slack between two lengths of its spring, or limited.

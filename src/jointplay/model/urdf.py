@@ -120,8 +120,7 @@ class JointEntry:
 
 
 MOST_LINKS, MOST_MOVING = 5000, 250
-"""Most links and moving joints of a robot: the work to set up its equations grows with their cube.
-"""
+"""Most links and moving joints: the work to set up the equations grows with their cube."""
 
 MOST_IN_SERIES = 1000
 """Most links in series: Pinocchio's reader calls itself for each, and with some 4,000 of them it

@@ -24,8 +24,7 @@ from jointplay.base.tables import few
 from jointplay.base.units import NUMBER, not_lost
 
 BEYOND = "beyond_urdf"
-"""Element of a robot that holds, as JSON, contents for which a URDF has no words (`urdf.Beyond`).
-"""
+"""Element of a robot with contents for which URDF has no words, as JSON (`urdf.Beyond`)."""
 
 _INFINITE = re.compile(r"[+-]?inf(inity)?", re.ASCII | re.IGNORECASE)
 

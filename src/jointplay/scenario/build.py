@@ -619,8 +619,7 @@ tenth of a metre)."""
 
 
 Built = OrderedDict[tuple[str, ...], Mechanism]
-"""Mechanisms that a scenario has built, by all that went into them: a case is checked, then run.
-"""
+"""Mechanisms that a scenario has built, by their inputs: a case is checked, then run."""
 _LAST_BUILT = 4
 """Number of mechanisms that are kept (judged: the ideal machine and three cases)."""
 

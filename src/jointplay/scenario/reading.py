@@ -622,8 +622,9 @@ class Scenario(Overview):
         return tree(entry for entry in self._read[key] if drives or entry.key[0] != "drives")
 
     def _beneath_linkage(self, table: Mapping[str, Any]) -> dict[str, Any]:
-        """Tables that lie beneath a linkage's: play in the plane, cranks that keep their speed, and
-        steps by their error. Each becomes an assumption, as do links of round steel rods.
+        """Tables that lie beneath a linkage's: planar play, cranks that keep speed, steps by error.
+
+        Each becomes an assumption, as do links of round steel rods.
         """
         beneath: dict[str, Any] = {}
         if "speeds" in table.get("motion", ()) and not {"drive", "drives"} & table.keys():

@@ -58,9 +58,7 @@ _LINEAR = ("linear-spring", "kelvin-voigt", "anagnostopoulos")
 
 @dataclass(kw_only=True)
 class Request:
-    """A machine as options describe it; for one key `settings` count more than `keys`, these more
-    than `preset`.
-    """
+    """A machine as options describe it; of `preset`, `keys` and `settings` the later counts."""
 
     place: str | None = None
     """A scenario's file, or a robot as `robot_scenario` takes it; None: the SCARA."""

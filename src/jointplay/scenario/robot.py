@@ -58,8 +58,7 @@ SLIDE = 0.05
 PART = 0.25
 """Largest amplitude relative to the distance from a joint's farther limit (judged)."""
 ROOM = 0.01
-"""Distance kept from each limit, relative to the range between them: a drive overshoots a little.
-"""
+"""Distance kept from each limit, relative to their range: a drive overshoots a little."""
 SWING_S = 1.0
 """Duration of the way there [s] (judged: at most 0.4 rad/s, as arms move at ease)."""
 STEEPEST = 1.875
