@@ -348,45 +348,31 @@ class Allocation(Answer):
         bearings = "bearings" if by_cause else "classes of bearings"
         offers = [choice.offer for choice in self.choices if choice.offer]
         kinds += dict.fromkeys("fits" if offer.instead else bearings for offer in offers)
-        gears = [] if by_cause else self._gears
-        sizes = f": {few(gears, 7)}" if gears else ""
-        return (
+        text = (
             f"These are the cheapest {' and '.join(kinds)} that keep the tool "
-            f"{self.mechanism.tool!r} within {readable(self.target, self.unit, 3)}{sizes}"
-            f"{self._exchanged}{self._corrected}"
+            f"{self.mechanism.tool!r} within {readable(self.target, self.unit, 3)}"
         )
-
-    @property
-    def _gears(self) -> list[str]:
-        """Plays of gears in words, but for those that may be as large as can be bought."""
-        texts = []
+        # The plays of gears but those at the largest that can be bought, and fits that change.
+        gears, changed = [], dict[str, list[str]]()
         for choice in self.choices:
             if choice.gear and choice.held != "most":
                 size = f"{float(f'{choice.play / _ARCMIN:.2g}'):g} arcmin"
                 if np.isnan(choice.play):
                     size = f"{choice.clearance * _MM:.3g} mm"
-                texts.append(f"{size} in {choice.joint.removesuffix(GEAR)}")
-        return texts
-
-    @property
-    def _corrected(self) -> str:
-        """Clause of the sentence: whether a corrected motion keeps the target, too."""
-        if not self.corrections:
-            return ""
-        least = min(correction.error for correction in self.corrections)
-        keeps = "keep it, too, at rest" if least <= self.target else "do not"
-        return f"; sizes as given, compensated, {keeps}: {readable(least, 'm', 3)}"
-
-    @property
-    def _exchanged(self) -> str:
-        """Clause of the sentence: the fits that become others."""
-        changed = dict[str, list[str]]()
-        for choice in self.choices:
+                gears.append(f"{size} in {choice.joint.removesuffix(GEAR)}")
             if choice.offer and choice.offer.instead not in ("", choice.offer.name):
-                text = f"{choice.offer.instead} becomes {choice.offer.name}"
-                changed.setdefault(text, []).append(choice.joint)
-        parts = [f"{text} in {few(joints, 2)}" for text, joints in changed.items()]
-        return f": {'; '.join(parts)}" if parts else ""
+                change = f"{choice.offer.instead} becomes {choice.offer.name}"
+                changed.setdefault(change, []).append(choice.joint)
+        if gears and not by_cause:
+            text += f": {few(gears, 7)}"
+        if changed:
+            parts = (f"{change} in {few(joints, 2)}" for change, joints in changed.items())
+            text += f": {'; '.join(parts)}"
+        if self.corrections:
+            least = min(correction.error for correction in self.corrections)
+            keeps = "keep it, too, at rest" if least <= self.target else "do not"
+            text += f"; sizes as given, compensated, {keeps}: {readable(least, 'm', 3)}"
+        return text
 
     def _headline(self) -> str:
         """The error that is reached, the target and the price, in one line."""

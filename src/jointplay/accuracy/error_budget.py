@@ -204,30 +204,39 @@ class PlayBudget(Budget):
         where = f" at the worst of {poses} poses" if poses > 1 else ""
         turn = readable(self.worst_turn.max(), "rad", 3)
         turns = f", and turn by up to {turn}" if self.worst_turn.any() else ""
-        resting = f"at rest it is {self._resting(at)}{self._regulated}"
+        resting = f"at rest it is {self._resting(at)}"
+        if regulated := sorted(self.rest_positions.regulated):
+            resting += f"; encoders behind their gears hold {few(regulated)} there"
         if not self.worst[at] and not self.worst_turn.any():
             return f"No play moves the tool {self.tool!r}; {resting}"
+        most = int(self.shares.argmax())
+        part = "all" if self.shares[most] > 1.0 - _LISTED else f"{100 * self.shares[most]:.0f} %"
+        source = f"{part} of it by {self.joints[most]}"
         if self.unit == "rad":
             rest = self.rest_positions.at(at)
             turned, sag = np.linalg.norm([rest.error[3:], rest.sag[3:]], axis=1).tolist()
             part = f" ({self._whose_sag} {readable(sag, 'rad', 3)})" if sag else ""
             return (
                 f"Play turns the tool {self.tool!r} by up to {turn}{where} (RMS "
-                f"{readable(self.rms[at], 'rad', 3)}), {self._most(at)}; at rest it is turned "
+                f"{readable(self.rms[at], 'rad', 3)}), {source}; at rest it is turned "
                 f"by {readable(turned, 'rad', 3)}{part}"
+            )
+        caveats = ""
+        if any(c.fit is not None for c in self.model.contributions):
+            caveats = (
+                "; the limits are of the loosest parts that fits allow, the RMS of any, the place "
+                "of rest of the middle ones"
+            )
+        more = float(self.second_order[at])
+        if not more <= _ON_ARCS * self.worst[at]:
+            caveats += (
+                "; turns so large move the tool on arcs, by which all this may be "
+                f"{readable(more, 'm', 2)} off"
             )
         return (
             f"Play lets the tool {self.tool!r} be up to {readable(self.worst[at], 'm', 3)} off"
-            f"{where} (RMS {readable(self.rms[at], 'm', 3)}), {self._most(at)}{turns}; {resting}"
-            f"{self._of_fits}{self._far}"
+            f"{where} (RMS {readable(self.rms[at], 'm', 3)}), {source}{turns}; {resting}{caveats}"
         )
-
-    def _most(self, at: int) -> str:
-        """The source of play that adds most at a pose, and its share, in words."""
-        share = self._shares[at]
-        most = int(share.argmax())
-        part = "all" if share[most] > 1.0 - _LISTED else f"{100 * share[most]:.0f} %"
-        return f"{part} of it by {self.joints[most]}"
 
     @property
     def from_side_to_side(self) -> str:
@@ -276,34 +285,6 @@ class PlayBudget(Budget):
         model = self.rest_positions.unregulated(self.rest_positions.model)
         free = model.subset(poses=[pose]).at_rest().error[:, 0, 0, :3]
         return np.asarray(free.sum(axis=0))
-
-    @property
-    def _far(self) -> str:
-        """Clause of the sentence: the error of the first order, where turns are large."""
-        at = self.worst_pose
-        more = float(self.second_order[at])
-        if more <= _ON_ARCS * self.worst[at]:
-            return ""
-        return (
-            f"; turns so large move the tool on arcs, by which all this may be "
-            f"{readable(more, 'm', 2)} off"
-        )
-
-    @property
-    def _of_fits(self) -> str:
-        """Clause of the sentence: the parts of fits that each number is for."""
-        if all(c.fit is None for c in self.model.contributions):
-            return ""
-        return (
-            "; the limits are of the loosest parts that fits allow, the RMS of any, the place of "
-            "rest of the middle ones"
-        )
-
-    @property
-    def _regulated(self) -> str:
-        """Clause of the sentence: the gears whose play drives make up for at rest."""
-        names = sorted(self.rest_positions.regulated)
-        return f"; encoders behind their gears hold {few(names)} there" if names else ""
 
     def compensated(self, pose: int, trust: float, friction: float = 0.0) -> float:
         """Largest error at rest of a motion that takes the play out (`compensate`) [m].
@@ -654,21 +635,17 @@ class ErrorBudget(Budget):
             for cause, (worst, _) in causes
             if worst > 0.5 * _MENTIONED * self.worst[at]
         ]
-        return (
-            f"The tool {self.tool!r} is up to {readable(self.worst[at], 'm', 3)} off{where} (RMS "
-            f"{readable(self.rms[at], 'm', 3)}), by {', '.join(parts)}{self._assumptions}"
-        )
-
-    @property
-    def _assumptions(self) -> str:
-        """Clause of the sentence: the kinds of numbers that nobody gave."""
         origins = (origin for c in self.model.contributions for _, origin in c.numbers)
         kinds = dict.fromkeys(
             RULED if origin.startswith("by rule") else f"what {origin} has"
             for origin in origins
             if origin != GIVEN
         )
-        return f"; assumed: {', '.join(kinds)}" if kinds else ""
+        assumptions = f"; assumed: {', '.join(kinds)}" if kinds else ""
+        return (
+            f"The tool {self.tool!r} is up to {readable(self.worst[at], 'm', 3)} off{where} (RMS "
+            f"{readable(self.rms[at], 'm', 3)}), by {', '.join(parts)}{assumptions}"
+        )
 
     def _notes(self) -> list[str]:
         at = self.worst_pose

@@ -8,8 +8,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Collection, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -126,8 +125,10 @@ def poses_of(
         return Poses(machine, q, "motion", label, (), times, driven)
     poses, rows = named or {"": {}}, []
     for name, positions in poses.items():
-        with _of_pose(name):
+        try:
             rows.append(at_pose(mechanism, positions, driven, near))
+        except JointplayError as error:
+            raise JointplayError(f"pose {name}: {error}" if name else str(error)) from None
     q = np.concatenate(rows)
     if len(poses) > 1:
         label = counted(len(poses), "pose")
@@ -192,15 +193,6 @@ def _position(mechanism: Mechanism, joint: str, text: str, where: str) -> float:
     """Position of a joint [rad or m] from text; errors begin with `where`."""
     entry = mechanism.description.joints.get(joint)
     return quantity(text, "m" if entry is not None and entry.slides else "rad", where)
-
-
-@contextmanager
-def _of_pose(name: str) -> Iterator[None]:
-    """Put the name of the pose, if it has one, before errors in the block."""
-    try:
-        yield
-    except JointplayError as error:
-        raise JointplayError(f"pose {name}: {error}" if name else str(error)) from None
 
 
 def at_pose(

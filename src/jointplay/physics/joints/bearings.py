@@ -864,11 +864,16 @@ class RollingBearing(WholeLawJoint):
     def directions(self) -> np.ndarray:
         phi = np.linspace(0.0, 2.0 * np.pi, SAMPLES, endpoint=False)
         c, s, zero = np.cos(phi), np.sin(phi), np.zeros(SAMPLES)
-        angles = [math.pi / 4.0, -math.pi / 4.0] if self.roller_elements else []
         d, parts = self._numbers, []
         for h, y in self.row_places:
-            slopes = angles or [math.atan2(y, d["reach"])] if y else angles or self._play_angles
-            for angle in slopes:
+            if self.roller_elements:
+                angles = [math.pi / 4.0, -math.pi / 4.0]
+            elif y:
+                angles = [math.atan2(y, d["reach"])]
+            else:  # a ball of a deep groove moves between the ends of the axial play
+                most = math.acos(min(d["reach"] / d["distance"], 1.0))
+                angles = [-most, 0.0, most]
+            for angle in angles:
                 across, up = math.cos(angle), math.sin(angle)
                 lever = across * h - up * d["radius"]
                 parts.append(
@@ -877,13 +882,6 @@ class RollingBearing(WholeLawJoint):
                     )
                 )
         return np.concatenate(parts)
-
-    @property
-    def _play_angles(self) -> list[float]:
-        """Contact angles between which a ball of a deep groove moves [rad]."""
-        d = self._numbers
-        most = math.acos(min(d["reach"] / d["distance"], 1.0))
-        return [-most, 0.0, most]
 
     @cached_property
     def _free_set(self) -> ElementPlay:
@@ -1135,18 +1133,13 @@ class BallBearing(RollingBearing):
         up = brentq(surplus, start, start + 0.2 * self.d_element, xtol=1e-16, rtol=1e-14)
         return math.sqrt(max(a * a - up * up, 0.0)) - reach
 
-    @cached_property
-    def free_angle(self) -> float:
-        """alpha_0, contact angle at the ends of the axial play [rad]."""
-        if self.alpha > 0.0:
-            return self.alpha
-        return math.acos(min(1.0, 1.0 - max(self.operating_clearance, 0.0) / self.distance))
-
     @property
     def groove_radius(self) -> float:
         """Radius r_i of the circle of the inner groove's centres of curvature [m]."""
-        more = (self.inner_groove - 0.5) * self.d_element * math.cos(self.free_angle)
-        return 0.5 * self.d_pitch + more
+        angle = self.alpha  # at the ends of the axial play
+        if not angle > 0.0:
+            angle = math.acos(min(1.0, 1.0 - max(self.operating_clearance, 0.0) / self.distance))
+        return 0.5 * self.d_pitch + (self.inner_groove - 0.5) * self.d_element * math.cos(angle)
 
     @cached_property
     def row_places(self) -> tuple[tuple[float, float], ...]:

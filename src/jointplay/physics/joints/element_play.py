@@ -146,28 +146,6 @@ def farthest(walls, centres, rooms, start, aims, points):
             weight = min(_STAGE * weight, last)
 
 
-def wall_forces(places: np.ndarray, rooms: np.ndarray, sizes: np.ndarray) -> np.ndarray:
-    """Forces of the walls that balance aims at their farthest points.
-
-    On the central path the gradient of the barrier, divided by the weight, balances the aim: each
-    wall's part of it is its force, and no further search is needed.
-
-    Args:
-        places: walls . y + centres at the points y, (n, k, m).
-        rooms: (k,).
-        sizes: norms of the aims, (n,).
-
-    Returns:
-        Forces, (n, k).
-    """
-    if places.shape[2] == 1:
-        degree, slopes = 1, 1.0 / (rooms - places[:, :, 0])
-    else:
-        squares = (places**2).sum(axis=2)
-        degree, slopes = 2, 2.0 * np.sqrt(squares) / (rooms**2 - squares)
-    return np.asarray(slopes * sizes[:, None] * _EXACT / (degree * len(rooms)))
-
-
 @dataclass(frozen=True)
 class ElementPlay(Play):
     """Displacements of a rolling bearing's inner ring at which no element bears load.
@@ -308,8 +286,15 @@ class ElementPlay(Play):
         if not self.empty:
             y = np.column_stack([point[:, :3], point[:, 4], -point[:, 3]])
             out = np.einsum("kai,ni->nka", walls, y) + centres
+            # At the end of the central path the gradient of the barrier, over the weight, balances
+            # the aim: each wall's part of it is its force.
+            if self.rollers:
+                degree, slopes = 1, 1.0 / (rooms - out[:, :, 0])
+            else:
+                squares = (out**2).sum(axis=2)
+                degree, slopes = 2, 2.0 * np.sqrt(squares) / (rooms**2 - squares)
             work = np.linalg.norm(self._aims(loads), axis=1)
-            forces = wall_forces(out, rooms, work)
+            forces = slopes * work[:, None] * _EXACT / (degree * k)
             size = np.linalg.norm(out, axis=2, keepdims=True)
             direction = np.ones_like(out) if self.rollers else out / size
             push = np.einsum("nka,kai->nki", direction, walls)
