@@ -520,7 +520,7 @@ class _Market:
         known = [*CAUSES, *(causes or {})]
         if causes is None and self.limits:
             raise JointplayError(
-                "limits are of causes: give these, too, or least and most clearances"
+                "limits apply to causes: give causes, too; of clearances give least and most"
             )
         for name in keep:
             if name not in (*known, *joints):
@@ -656,7 +656,7 @@ class _Search:
             raise JointplayError("no joint or gear has play to allocate")
         if self.quantile is not None and (self.offers or self.causes is not None):
             raise JointplayError(
-                "a quantile is for clearances that can be any, not for classes nor other causes"
+                "a quantile is for clearances of any size only, not for classes nor other causes"
             )
 
     def key(self, contribution: Contribution) -> Key:
@@ -717,7 +717,7 @@ class _Search:
         if self.turn:
             raise JointplayError("what compensation leaves is a distance: give one as the target")
         if self.mechanism.loops:
-            raise JointplayError("motions of closed loops are not compensated: leave it out")
+            raise JointplayError("motions of closed loops cannot be compensated: offer none")
         model = self.first
         play = budget(self.mechanism, self.q, force=self.force, **self.holding._asdict())
         beside = [k for k, c in enumerate(model.contributions) if c.cause != "play"]

@@ -145,8 +145,8 @@ class Compensation:
             parts = 100.0 * self.undecided.mean(axis=0)
             shares = [f"{g} {p:.0f} %" for g, p in zip(self.gears, parts, strict=True) if p >= 0.5]
             lines.append(
-                "time in which friction leaves open on which side teeth lie, the last one is kept: "
-                + (", ".join(shares) or "none")
+                "part of the time in which friction leaves the side of the teeth open (the last "
+                f"one is kept): {', '.join(shares) or 'none'}"
             )
         if open_ := self.undecided_stops:
             lines.append(f"note: stops with an undecided side: {_stops_text(open_)}")
@@ -341,13 +341,13 @@ def compensable(simulation: Simulation) -> tuple[Mechanism, Motion]:
     """
     mechanism, motion = simulation.mechanism, simulation.motion
     if motion is None:
-        raise JointplayError("a motion is needed to be compensated: give one", ("motion",))
+        raise JointplayError("a motion is needed that can be compensated: give one", ("motion",))
     if motion.interpolation in GOES_ON:
         text = f"a motion that goes on after its end ({motion.interpolation}) is not compensated"
         raise JointplayError(text, ("motion", "interpolation"))
     if mechanism.loops or mechanism.free_base is not None:
         text = "closed loops" if mechanism.loops else "a free base"
-        raise JointplayError(f"only robots without loops on a base that is held, not with {text}")
+        raise JointplayError(f"a robot with {text} cannot be compensated")
     if simulation.limits != "ignore":
         limits.check_motion(mechanism, motion, motion.joints)
     return mechanism, motion
@@ -738,7 +738,7 @@ def _within_limits(
             shift[:1], 0.25 * shift[:-2] + 0.5 * shift[1:-1] + 0.25 * shift[2:], shift[-1:]
         ])  # fmt: skip
     new = next(text for key, text in beyond.items() if key not in before)
-    raise JointplayError(f"corrected, {new}, even smoothed; slow the motion down")
+    raise JointplayError(f"in the corrected motion {new}, even smoothed; slow it down")
 
 
 def _beyond(simulation: Simulation, motion: Motion) -> dict[tuple[str, str], str]:

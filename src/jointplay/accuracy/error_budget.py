@@ -778,7 +778,7 @@ def budget(
     losses = urdf_friction(mechanism) | dict(joint_friction or {})
     if causes is not None:
         if friction is not None:
-            raise JointplayError("friction is for play alone: leave it or causes out")
+            raise JointplayError("friction is for play alone: leave out friction or causes")
         if relative_to is not None:
             check_body(mechanism, relative_to)
         q = configurations(mechanism, poses, driven)

@@ -208,7 +208,7 @@ def configurations(
     """
     if mechanism.free_base is not None:
         raise JointplayError(
-            "static budgets are of a base that is held, and this one is free: take the mechanism "
+            "static budgets need a base that is held, and this one is free: take the mechanism "
             'with base = "held"; relative_to then names the body whose motion does not count'
         )
     if isinstance(poses, Mapping):
