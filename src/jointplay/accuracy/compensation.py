@@ -80,8 +80,6 @@ BRAKING = 0.5
 half is left in case friction is less than known (judged)."""
 _BRAKES = 10.0 / np.sqrt(3.0)
 """Largest acceleration of a smooth step of fifth order of size 1 in time 1."""
-_REGULATED = "; encoders on the links see the play of their gears (--encoder motor changes that)"
-"""Hint in the refusal of a machine with gears, whose encoders are all on the links."""
 _SMOOTHINGS = 40
 """Most smoothings of a correction that exceeds limits of speed or effort: in the end over about a
 tenth of a second."""
@@ -221,21 +219,20 @@ def compensate(
             no joint whose side is ever decided; a motion outside limits, or a correction that
             cannot be made within them.
     """
-    # Nodes, and the displacement of the tool by journals at rest.
     require_a("simulation", simulation, "Simulation")
     mechanism, motion = compensable(simulation)
     if size is not None:
         require_positive("size of the tool", size, "m")
+    # Nodes, and the displacement of the tool by journals at rest.
     count = 2 * max(round(0.5 * motion.duration / NODE_S), 2) + 1
     times = np.linspace(0.0, motion.duration, count)
     gears = tuple(n for n in mechanism.gears if n in motion.joints and _is_behind(simulation, n))
     displacement, journal_friction = np.zeros((count, 6)), dict[str, np.ndarray]()
     if mechanism.clearance:
-        moved, rubs = _journals(simulation, times[::2], progress)
+        moved, torques = _journals(simulation, times[::2], progress)
         displacement = _interpolated(times[::2], moved, times)
-        journal_friction = {
-            name: _interpolated(times[::2], rub.T, times).T for name, rub in rubs.items()
-        }
+        for name, values in torques.items():
+            journal_friction[name] = _interpolated(times[::2], values.T, times).T
     # The lag of drives, and the side of each gear's teeth by their torque.
     lag = _lag(simulation, times, journal_friction)
     torque, held, inertia = _torques(simulation, times, gears, journal_friction)
@@ -244,12 +241,14 @@ def compensate(
     fall = times[1] ** 2 * np.abs(torque) / (inertia * play)
     side, undecided = _sides(torque, held, fall, STANDS_S / times[1])
     if not (gears or mechanism.clearance or lag.any()):
-        raise JointplayError(
+        text = (
             "there is nothing to compensate: give joints with clearance, gears with play, such as "
             '--clearance "0.1 mm" or --gear NAME="2 arcmin", or servos, which sag'
-            + _REGULATED
-            * bool(mechanism.gears)
         )
+        if mechanism.gears:
+            text += "; encoders on the links see the play of their gears"
+            text += " (--encoder motor changes that)"
+        raise JointplayError(text)
     if gears and not (mechanism.clearance or lag.any()) and undecided.all():
         raise JointplayError(
             f"no torque decides on which side the teeth of {few(list(gears))} lie, at any time: "
@@ -265,6 +264,7 @@ def compensate(
     approaches = []
     if approach:
         approaches = _approaches(simulation, times, gears, undecided, torque, inertia)
+    # Stops at which a joint stands on share its approach: that to the last one.
     for final in {(a.k, a.arrival): a for a in approaches}.values():
         final.apply(simulation, times, shift, side, undecided)
     if mechanism.clearance:
