@@ -9,7 +9,7 @@ farthest displacements along loads a_i are
 
 with the support functions h_i of the plays P_i (duality: Rockafellar, Convex Analysis, 1970,
 section 31). Any l gives an upper bound, so the values returned are bounds whatever the numerics;
-each joint's term is also the derivative of the value by its clearance, c dh/dc.
+each joint's term is also the value's derivative by its relative clearance, c dh/dc.
 
 Where the farthest states without ties leave the loops closed already, `ErrorModel` takes them
 without a search. Otherwise a barrier method (Boyd, Vandenberghe, Convex Optimization, 2004, chapter
