@@ -1,4 +1,4 @@
-"""Errors of robots besides play: classes, the table of scenario files, what is given of it."""
+"""Errors of robots besides play: classes, and the table of them in scenario files."""
 
 from dataclasses import replace
 
@@ -146,7 +146,7 @@ def test_given_and_assumed_numbers_are_told_apart(scara):
 
 
 def test_a_slider_on_springs_gives_way_across_and_in_torsion(scara):
-    """Not along its axis, where the drive holds it."""
+    """It does not give way along its axis, where the drive holds it."""
     guide = jp.Elasticity(radial=1e6, tilt=1e4, torsion=1e3)
     robot = jp.Mechanism(
         jp.shipped("scara.urdf"), {"stroke": jp.CompliantSlider(elasticity=guide)},

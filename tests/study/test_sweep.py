@@ -396,6 +396,7 @@ NAMES = (
 )
 
 
+@pytest.mark.thorough
 def test_measures_and_axes_may_have_any_name(swept, tmp_path):
     """Joints have names with slashes, and measures are named after joints."""
     lines = "\n".join(f"        {name!r}: {k}.5," for k, name in enumerate(NAMES))
