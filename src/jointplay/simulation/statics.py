@@ -553,16 +553,17 @@ class StaticEquilibrium:
         self._stiffness, self._constant = np.zeros(nv), np.zeros(nv)
         """Stiffness of the drives' springs [N m/rad or N/m], and constant efforts [N m or N]."""
         self._unbent = self._start.copy()
+        """Positions at which the springs are unbent [rad or m]."""
         self._dead_bands, self._most_bent = np.zeros(nv), np.full(nv, np.inf)
-        """Error of position without an effort, and beyond it that of the largest [rad or m]."""
+        """Deflection without an effort, and the largest beyond it [rad or m]."""
         self._gears = [
             (mechanism.motor(name), mechanism.coordinate(name), gear)
             for name, gear in mechanism.gears.items()
         ]
         self._trailing: dict[int, int] = {}
-        """Link coordinate of each trailing motor's."""
+        """Coordinate of the link behind each trailing motor."""
         self._through: dict[int, tuple[float, float, float]] = {}
-        """Stiffness, torque and lever with which its drive acts on the link now."""
+        """Stiffness, torque and lever with which a trailing motor's drive acts on the link now."""
         sprung = self._make_springs(servos, rows, reference, drives)
         for name, losses in friction.items():
             at = mechanism.coordinate(name)

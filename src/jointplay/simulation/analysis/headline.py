@@ -205,8 +205,8 @@ class Headline:
             sizes = np.linalg.norm(force.values, axis=2)
             for k, name in enumerate(names):
                 if name not in self._soft:
-                    at = "" if len(names) - len(self._soft) == 1 else f", {name}"
-                    history = self._history(f"{how} joint force{at}", how, "N", self._count)
+                    figure = _joint_figure(how, name, len(names) - len(self._soft))
+                    history = self._history(figure, how, "N", self._count)
                     history.add(sizes[judged, k], self._weights[rows])
         if self._ideal is not None:
             for quantity, of in (("error", "tool_position"), ("turn", "tool_orientation")):
@@ -250,6 +250,11 @@ class Headline:
             lost = lost + absorbed[:, absorbed[-1] > 0.0].sum(axis=1)
         figures["dissipated energy"] = Measured(float(lost[-1] - lost[0]), "J", np.diff(lost))
         return figures
+
+
+def _joint_figure(how: str, joint: str, joints: int) -> str:
+    """Name of a joint's ``peak`` or ``RMS`` force, of a machine with so many joints."""
+    return f"{how} joint force" if joints == 1 else f"{how} joint force, {joint}"
 
 
 class _History:
@@ -479,7 +484,7 @@ def peak_force(result: Result, joint: str, largest: float, detail: bool = False)
 
     Its numerical error is added if it is known, and all sizes were given or `detail` is wanted.
     """
-    name = f"peak joint force{twins.at_joint(result, joint)}"
+    name = _joint_figure("peak", joint, len(set(result.joints) - twins.hinges(result)))
     exact = detail or sizes_are_given(result)
     return shown(result.certificate if exact else None, name, largest, "N")
 

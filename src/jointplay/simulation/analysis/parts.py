@@ -106,7 +106,7 @@ class ToolError:
 
     @property
     def time_of_peak(self) -> float:
-        """When the distance is largest [s]."""
+        """Time at which the distance is largest [s]."""
         return _time_of_peak(self.vector)
 
     @property

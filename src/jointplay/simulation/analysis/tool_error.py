@@ -65,7 +65,9 @@ def deviation(result: Result, of: str = "tool_position") -> xr.DataArray:
     """
     require_known("tool motion", of, TOOL_MOTIONS)
     find_tool_error(result)
-    return _judged(deviation_of(result.dataset, of), result)
+    error = deviation_of(result.dataset, of)
+    error.attrs["judge_from"] = result.judge_from
+    return error
 
 
 def deviation_of(dataset: xr.Dataset, of: str = "tool_position") -> xr.DataArray:
@@ -103,15 +105,12 @@ def difference(
     require_known("tool motion", of, TOOL_MOTIONS)
     if relative_to is not None:
         result, other = seen_from(result, relative_to), seen_from(other, relative_to)
-    error = _judged(Reference(other).difference(result.dataset, of), result)
+    error = Reference(other).difference(result.dataset, of)
+    error.attrs["judge_from"] = result.judge_from
     if relative_to is not None:
         error.attrs["long_name"] = f"{of.replace('_', ' ')} - reference, axes of {relative_to}"
     return error
 
-
-def _judged(error: xr.DataArray, result: Result) -> xr.DataArray:
-    error.attrs["judge_from"] = result.judge_from
-    return error
 
 
 def find_tool_error(result: Result, progress: bool = False) -> None:

@@ -74,11 +74,6 @@ def hinges(result: Result) -> set[str]:
     return {name for names in result.simulation.mechanism.hinges.values() for name in names}
 
 
-def at_joint(result: Result, joint: str) -> str:
-    """Ending of the names of a joint's figures; empty where there is only one joint."""
-    soft = hinges(result)
-    return "" if len(set(result.joints) - soft) == 1 else f", {joint}"
-
 
 def rolls(result: Result, joint: str) -> bool:
     """Whether a joint with clearance has rolling elements, by the inputs alone."""

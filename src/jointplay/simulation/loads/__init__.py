@@ -1,4 +1,4 @@
-"""What acts on a mechanism besides contact: drives, joint friction, and loads of any kind."""
+"""Forces on a mechanism besides contact: drives, joint friction, and loads of any kind."""
 
 from __future__ import annotations
 

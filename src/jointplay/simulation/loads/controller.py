@@ -86,7 +86,8 @@ class Controller(OfFunction, Load):
     joints: tuple[str, ...]
     """Joints whose torques it sets."""
     function: Callable[..., Any]
-    """At module level of an importable file (files then name it as ``module:function``)."""
+    """A function or class at module level of an importable file (files then name it as
+    ``module:function``)."""
     parameters: tuple[float, ...] = quantity("", default=())
     """Numbers for the function."""
     period: OptionalQuantity = quantity(

@@ -174,7 +174,8 @@ class WrenchFunction(OfFunction, _WorldWrench):
     kind: ClassVar[str] = "wrench-function"
 
     function: Callable[..., Any]
-    """At module level of an importable file (files then name it as ``module:function``)."""
+    """A function at module level of an importable file (files then name it as
+    ``module:function``)."""
     parameters: tuple[float, ...] = quantity("", default=())
     """Numbers that the function finds in p."""
 

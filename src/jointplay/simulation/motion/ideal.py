@@ -91,26 +91,21 @@ class IdealMotion:
         mass = ideal.mass_matrix(q)
         self.inertia = mass.diagonal()[self._at]
         if ideal.loops:
-            first = driven_map(ideal, q, self._at)
-            self.inertia = np.einsum("vd,vw,wd->d", first, mass, first)
+            ratios = driven_map(ideal, q, self._at)
+            self.inertia = np.einsum("vd,vw,wd->d", ratios, mass, ratios)
         self._momentum = np.zeros(3)
         """Angular momentum about the centre of mass, axes of the base at the start [kg m^2/s]."""
         if ideal.free_base is not None:
-            first = (
-                np.zeros_like(q) if speed is None else _ideal_configuration(mechanism, ideal, speed)
-            )
-            self._free_base(q, mass, first)
-
-    def _free_base(self, q: np.ndarray, mass: np.ndarray, speed: np.ndarray) -> None:
-        """Take the base's motion out of `inertia` (Schur complement), and find the momentum."""
-        moved = mass[_BASE, self._at]
-        self.inertia = self.inertia - np.einsum(
-            "bd,bd->d", moved, np.linalg.solve(mass[_BASE, _BASE], moved)
-        )
-        data = self._ideal.data
-        pin.ccrba(self._ideal.model, data, q, speed)
-        self._momentum = rotation(q[ANGLES]).T @ data.hg.angular
-        self._base[_BASE] = 0.0
+            # The base gives way: of the inertia its Schur complement is left.
+            moved = mass[_BASE, self._at]
+            given_way = np.linalg.solve(mass[_BASE, _BASE], moved)
+            self.inertia = self.inertia - np.einsum("bd,bd->d", moved, given_way)
+            v = np.zeros_like(q)
+            if speed is not None:
+                v = _ideal_configuration(mechanism, ideal, speed)
+            pin.ccrba(ideal.model, ideal.data, q, v)
+            self._momentum = rotation(q[ANGLES]).T @ ideal.data.hg.angular
+            self._base[_BASE] = 0.0
 
     def efforts(self, times: np.ndarray, progress: bool = False) -> np.ndarray:
         """Efforts of the ideal mechanism's drives, shape (n, driven) [N m or N].

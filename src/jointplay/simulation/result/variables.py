@@ -54,7 +54,7 @@ TERMS = (
     Term("gear_dissipation", "gear_dissipation", "lost in gears"),
     Term("film_dissipation", "film_dissipation", "lost in oil"),
 )
-"""In the order of the kernels' powers."""
+"""The terms, in the order of the kernels' powers."""
 
 if tuple(term.power for term in TERMS) != POWERS:
     raise TypeError(f"the terms of the energy balance are not the kernels': {', '.join(POWERS)}")
