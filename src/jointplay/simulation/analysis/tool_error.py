@@ -112,7 +112,6 @@ def difference(
     return error
 
 
-
 def find_tool_error(result: Result, progress: bool = False) -> None:
     """Add the histories `COMPARED` to a result without them, by a run of its ideal mechanism.
 

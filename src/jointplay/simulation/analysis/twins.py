@@ -74,7 +74,6 @@ def hinges(result: Result) -> set[str]:
     return {name for names in result.simulation.mechanism.hinges.values() for name in names}
 
 
-
 def rolls(result: Result, joint: str) -> bool:
     """Whether a joint with clearance has rolling elements, by the inputs alone."""
     return clearance_inputs(result).get(joint, {}).get("kind") in ROLLING_KINDS
