@@ -83,11 +83,11 @@ class InitialState:
     def perturb(self, seed: int, at_rest: bool, behind: Container[str] = ()) -> None:
         """Displace each journal by a random vector of up to `PERTURBATION` times its clearances.
 
-        A journal `at_rest` goes the part `PERTURBATION` of the way to its centre so displaced, and
-        straightens by that part: between two places where it fits it fits as well, leaning
-        included. Teeth of gears stand anywhere in their play, where friction may have left them:
-        the joint is moved, or the motor where loops or an encoder `behind` the gear determine the
-        joint.
+        The vector is from the centre. A journal `at_rest` goes the part `PERTURBATION` of the way
+        from where it lies to there, and straightens by that part: between two places where it fits
+        it fits as well, leaning included. Teeth of gears stand anywhere in their play, where
+        friction may have left them: the joint is moved, or the motor where loops or an encoder
+        `behind` the gear determine the joint.
         """
         mechanism = self.mechanism
         random = np.random.default_rng(seed)
@@ -128,10 +128,10 @@ class InitialState:
         )
 
     def check_journals(self) -> None:
-        """Refuse journals outside their bearings, and warn where loops set one flying in its.
+        """Refuse journals outside their bearings, and warn of those that loops set flying in them.
 
-        That is where speeds given for several joints do not fit together: the journal then moves
-        across its bearing at a speed that shows beside how pins turn, slide and are carried.
+        A journal flies where speeds given for several joints do not fit together: it moves across
+        its bearing at a speed that counts beside those at which pins turn, slide and are carried.
         """
         mechanism = self.mechanism
         left = left_bearing(mechanism, self.q)

@@ -49,7 +49,7 @@ class Judging:
         return round(self.start / self._step)
 
     def next_step(self, step: int) -> float:
-        """The next step after `step` at which the run must call `look`; infinite: none."""
+        """The next step after `step` at, or soon after, which to call `look`; infinite: never."""
         begins = self._first_step if step < self._first_step else math.inf
         return min(begins, self._next_look if self._waits else math.inf)
 

@@ -362,11 +362,10 @@ def prepare(simulation: Simulation, in_memory: bool, progress: bool, ahead: bool
         if drive.encoder == "link" and drive.bandwidth is None
     ]
     if undamped:
-        text = "without damping no bandwidth of a drive that its encoder is behind is stable: give "
-        text += "the gear's damping or the drive's bandwidth, or put the encoder on the motor"
-        warnings.warn(
-            f"through the teeth of {few(undamped)} {text}", JointplayWarning, stacklevel=5
-        )
+        text = f"the gear of {few(undamped)} has no damping, so that no bandwidth of a drive with "
+        text += "its encoder on the link is stable: give the gear's damping or the drive's "
+        text += "bandwidth, or put the encoder on the motor"
+        warnings.warn(text, JointplayWarning, stacklevel=5)
     bounds = effort_bounds(simulation, followed)
     # The initial state.
     start = initial_state(simulation, followed)
