@@ -80,7 +80,7 @@ class InitialState:
     led: list[int]
     moving: list[int]
 
-    def perturb(self, seed: int, at_rest: bool, behind: Container[str] = ()) -> None:
+    def perturb(self, seed: int, at_rest: bool, behind: Container[str]) -> None:
         """Displace each journal by a random vector of up to `PERTURBATION` times its clearances.
 
         The vector is from the centre. A journal `at_rest` goes the part `PERTURBATION` of the way

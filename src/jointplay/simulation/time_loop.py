@@ -112,7 +112,7 @@ class TimeLoop(ABC):
         """Restore the state that `memory` returned."""
 
     @abstractmethod
-    def stretch(self, steps: int, pause: int | None = None) -> bool:
+    def stretch(self, steps: int, pause: int) -> bool:
         """Do at most `steps` steps; returns whether all is well.
 
         `pause`: step at or after which it returns, between macro steps, if that is earlier; what
@@ -243,7 +243,7 @@ class MultiRate(TimeLoop):
     def recall(self, memory: Mapping[str, float]) -> None:
         self._planned_on = bool(memory["planned_on"])
 
-    def stretch(self, steps: int, pause: int | None = None) -> bool:
+    def stretch(self, steps: int, pause: int) -> bool:
         address, (q, v) = self.workspace.address, self._middle
         enter, advance = caller_of(self.advancing), int(self.advancing)
         model, data, zero, none = self.model, self.data, self._zero, self._none
@@ -256,7 +256,7 @@ class MultiRate(TimeLoop):
             _aba(model, data, q, v, zero, none, _WORLD)
             _inverse(model, data)
             state = enter(address, advance)
-            if state == 0 and pause is not None and self.workspace.steps >= pause:
+            if state == 0 and self.workspace.steps >= pause:
                 self._planned_on = True
                 return True
         return bool(state == REACHED)
@@ -324,9 +324,8 @@ class SingleRate(TimeLoop):
     def recall(self, memory: Mapping[str, float]) -> None:
         self._begun = bool(memory["begun"])
 
-    def stretch(self, steps: int, pause: int | None = None) -> bool:
-        if pause is not None:
-            steps = min(steps, max(pause - self.workspace.steps, 1))
+    def stretch(self, steps: int, pause: int) -> bool:
+        steps = min(steps, max(pause - self.workspace.steps, 1))
         enter, address = caller_of(self.method.command), self.workspace.address
         command, load = int(self.method.command), int(Command.EVALUATE_FORCES)
         dynamics, state = self._call

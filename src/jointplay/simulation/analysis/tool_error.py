@@ -70,7 +70,7 @@ def deviation(result: Result, of: str = "tool_position") -> xr.DataArray:
     return error
 
 
-def deviation_of(dataset: xr.Dataset, of: str = "tool_position") -> xr.DataArray:
+def deviation_of(dataset: xr.Dataset, of: str) -> xr.DataArray:
     """The `deviation` in histories that include those of the ideal tool."""
     ideal = {
         name: dataset[f"ideal_{name}"].values

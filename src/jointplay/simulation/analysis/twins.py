@@ -288,7 +288,7 @@ def tool_motion(
     return _recent[key]
 
 
-def without(result: Result, cause: str, progress: bool = False) -> Result | None:
+def without(result: Result, cause: str) -> Result | None:
     """The tool's motion without a cause of its error, and without those that come before it.
 
     Causes are taken out one after the other: ``"play"`` and ``"elasticity"`` as in
@@ -303,7 +303,7 @@ def without(result: Result, cause: str, progress: bool = False) -> Result | None
         JointplayError: the twin cannot be simulated, or did not run to its end.
     """
     if cause != "drive":
-        run = tool_motion(ideal_simulation(result, cause), progress)
+        run = tool_motion(ideal_simulation(result, cause))
         return run.completed(f"the machine without {cause}")
     from jointplay.simulation.initial import initial_state  # these take long to import
     from jointplay.simulation.loads.drive import Servo

@@ -409,10 +409,7 @@ def loop_drift(mechanism: Mechanism, name: str, poses: np.ndarray) -> np.ndarray
 
 
 def contact_variables(
-    mechanism: Mechanism,
-    records: Records,
-    body: Mapping[str, Any],
-    only: Collection[str] = HISTORIES,
+    mechanism: Mechanism, records: Records, body: Mapping[str, Any], only: Collection[str]
 ) -> tuple[Variables, np.ndarray]:
     """Variables of the joints with clearance that are in `only`, and their contacts' energy."""
     n, nj = records.rows, len(mechanism.clearance)
