@@ -336,7 +336,7 @@ def prepare(simulation: Simulation, in_memory: bool, progress: bool, ahead: bool
     """Make a run ready; see `Run` for what is refused.
 
     Args:
-        simulation: what is run.
+        simulation: the inputs of the run.
         in_memory: whether all its records stay in memory.
         progress: show a bar while a long motion is tabulated.
         ahead: begin to compile the kernel in another process if it is not cached.

@@ -134,7 +134,7 @@ class Run:
     """A simulation under way, at first with its journals where they begin.
 
     Args:
-        simulation: what is run.
+        simulation: the inputs of the run.
         progress: show a bar on standard error while a long motion is tabulated.
         records: where records go that memory has no room for: a file, of which `Simulation.run_to`
             makes a result, or a function that takes them portion by portion. None: all stay in
@@ -218,7 +218,7 @@ class Run:
         This holds without play, too: drives give way, and loads bend the machine.
         """
         simulation, w, start = self.simulation, self.workspace, prepared.start
-        self._events.apply_due_events(w)  # what is picked at 0 weighs from the first
+        self._events.apply_due_events(w)  # a payload that is picked up at 0 counts
         loads = StaticLoads(simulation.loads, self.mechanism, prepared.sites)
         rest = initial.find_rest(self, start, prepared.drives, loads, places)
         if not (self.mechanism.clearance or self.mechanism.gears):

@@ -66,7 +66,7 @@ def struck_stops(result: Result) -> list[StruckStop]:
         edges = np.diff(pressed.astype(int), prepend=0, append=0)
         begins, ends = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
         at = int(push.argmax())
-        impacts = len(begins) - int(pressed[0])  # what is pressed at the start strikes nothing
+        impacts = len(begins) - int(pressed[0])  # a stop pressed at the start is not struck
         struck.append(
             StruckStop(
                 name, load.joint, impacts, impacts / float(time[-1] - time[0]),

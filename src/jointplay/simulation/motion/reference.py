@@ -60,8 +60,8 @@ def are_samples(times: np.ndarray, positions: np.ndarray) -> bool:
     own size (root mean squares over all joints, 1 m counting as 1 rad): a sine with more than six
     samples a period does, with fewer than `ENOUGH_SAMPLES` in all one with more. Speeds are taken
     by the times, or as if evenly spaced, since time stamps of a log scatter. Between waypoints
-    joints turn back, or pause. Encoder counts at a high rate are told by their spacing in time
-    alone (`SAMPLED_S`).
+    joints turn back, or pause. Encoder counts at a high rate are recognised by their spacing in
+    time alone (`SAMPLED_S`).
     """
     if len(times) < 6:  # what a spline of fifth order needs
         return False
@@ -144,7 +144,7 @@ class Motion(Described):
     interpolation: str
     """How joints move between waypoints.
 
-    If not given, by what the points are (`are_samples`): ``spline`` for samples, else
+    If not given, it follows from the points (`are_samples`): ``spline`` for samples, else
     ``rest-to-rest``. ``rest-to-rest`` stops at each waypoint, moving by quintics with zero velocity
     and acceleration at both ends; ``spline`` passes through them without stopping (quintic; samples
     keep their speed at both ends, waypoints begin and end at rest); ``constant-speed`` moves at the
