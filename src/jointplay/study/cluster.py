@@ -177,7 +177,10 @@ class ClusterWorkers(Generic[Case, Value]):
                 self._seconds += seconds
                 yield key, value
             return
-        cause = self._error(future)
+        cause: BaseException | None = None
+        if future.status == "error":
+            with suppress(Exception):
+                cause = future.exception(timeout=CONNECT_S)
         if isinstance(cause, JointplayError):  # the sweep cannot be run there: see `run_case`
             raise cause
         if type(cause).__name__ != "KilledWorker":
@@ -188,12 +191,6 @@ class ClusterWorkers(Generic[Case, Value]):
             return
         key, item = batch[0]
         yield key, self.lost(item)
-
-    def _error(self, future: Any) -> BaseException | None:
-        if future.status == "error":
-            with suppress(Exception):
-                return future.exception(timeout=CONNECT_S)
-        return None
 
     def _batch(self) -> int:
         """Number of cases of the next task, by the mean time of the cases so far."""

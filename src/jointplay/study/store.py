@@ -278,13 +278,6 @@ def _short(text: str) -> str:
     return text if len(text) <= 80 else f"{text[:60]}...{text[-15:]}"
 
 
-def sizes_of(path: Path) -> dict[str, int] | None:
-    """Sizes of a store's dimensions; None if it is not there, or damaged."""
-    with suppress(JointplayError):
-        return open_sweep(path).sizes
-    return None
-
-
 # ---- Read ---------------------------------------------------------------------------------------
 
 

@@ -29,7 +29,7 @@ from jointplay.study.case import Bench, Case, job, run_case
 from jointplay.study.database import FILE, is_there
 from jointplay.study.measures import shipped
 from jointplay.study.outcome import FAILED, Index, Outcome
-from jointplay.study.store import Sweep, SweepStore, open_sweep, sizes_of
+from jointplay.study.store import Sweep, SweepStore, open_sweep
 from jointplay.study.study import Study, Workers
 from jointplay.study.sweep_plan import REPEAT, SAMPLE, Cases, SweepPlan, plan_of
 
@@ -243,7 +243,11 @@ def _enough(store: SweepStore) -> bool:
 
 def _largest_so_far(plan: SweepPlan, path: Path) -> SweepPlan:
     """The plan with as many samples as the store has, if `until` has added some there."""
-    if plan.until is None or (sizes := sizes_of(path)) is None:
+    if plan.until is None:
+        return plan
+    try:
+        sizes = open_sweep(path).sizes
+    except JointplayError:  # `SweepStore` will say what is wrong with it
         return plan
     larger = plan
     while larger.sizes[SAMPLE] != sizes.get(SAMPLE):

@@ -87,9 +87,20 @@ def observe(result: Result, name: str) -> np.ndarray:
     check(name, mechanism)
     subject, _, quantity = name.rpartition(".")
     if subject == TOOL and quantity in _OF_TOOL:
-        return _of_tool(result, quantity)
+        if quantity in AXES:
+            return np.asarray(result["tool_position"].values[:, AXES.index(quantity)])
+        velocity = result["tool_velocity"].values
+        if quantity == "acceleration":
+            velocity = np.gradient(velocity, result.time, axis=0, edge_order=2)
+        return np.asarray(np.linalg.norm(velocity, axis=1))
     if quantity in _OF_JOURNALS and subject in result.joints:
-        return _of_journal(result, subject, quantity)
+        index = result.joints.index(subject)
+        if quantity == "force":
+            return np.asarray(np.linalg.norm(result["joint_force"].values[:, index], axis=1))
+        centre = result["journal_centre"].values[:, index]
+        if quantity == "eccentricity":
+            return np.asarray(np.hypot(*centre[:, :2].T))
+        return np.asarray(centre[:, AXES.index(quantity)])
     column = mechanism.coordinate(subject)
     if quantity == "moment":
         return np.asarray(result["drive"].values[:, mechanism.motor(subject)])
@@ -97,22 +108,3 @@ def observe(result: Result, name: str) -> np.ndarray:
     if quantity == "acceleration":
         history = np.gradient(history, result.time, edge_order=2)
     return history
-
-
-def _of_tool(result: Result, quantity: str) -> np.ndarray:
-    if quantity in AXES:
-        return np.asarray(result["tool_position"].values[:, AXES.index(quantity)])
-    velocity = result["tool_velocity"].values
-    if quantity == "acceleration":
-        velocity = np.gradient(velocity, result.time, axis=0, edge_order=2)
-    return np.asarray(np.linalg.norm(velocity, axis=1))
-
-
-def _of_journal(result: Result, joint: str, quantity: str) -> np.ndarray:
-    index = result.joints.index(joint)
-    if quantity == "force":
-        return np.asarray(np.linalg.norm(result["joint_force"].values[:, index], axis=1))
-    centre = result["journal_centre"].values[:, index]
-    if quantity == "eccentricity":
-        return np.asarray(np.hypot(*centre[:, :2].T))
-    return np.asarray(centre[:, AXES.index(quantity)])
