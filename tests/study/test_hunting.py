@@ -373,7 +373,7 @@ def command(*options):
 BAD = [
     (
         ["ur5"],
-        "gears with play under servos, none is given: add --gear JOINT=PLAY and --set 'drives",
+        "gear with play under a servo, none is given: add --gear JOINT=PLAY and --set 'drives",
     ),
     (["so101", "--gear", "elbow_flex=1 deg"], "add --preset, which has the servos of so101"),
     (["ar4", "--preset"], "'joint_1' has neither a servo nor a controller of its own: give --set"),

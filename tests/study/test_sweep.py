@@ -467,7 +467,7 @@ def test_a_sweep_of_bearings_has_loads_and_life_as_columns(tmp_path):
 
 
 def test_a_sweep_without_rolling_elements_says_that_it_has_no_lives(done):
-    with pytest.raises(jp.JointplayError, match="joints none has any"):
+    with pytest.raises(jp.JointplayError, match="this sweep has none"):
         measured(jp.open_sweep(done[0]).dataset(), "bearing_life")
 
 

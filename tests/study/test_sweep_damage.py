@@ -454,7 +454,7 @@ def test_a_file_that_is_none_of_the_folder_is_not_opened(ending, way, store, tmp
         path.mkdir()
     found, said = read(store)
     assert found is None
-    assert "no sweep" in said or "it is no regular file" in said
+    assert "no sweep" in said or "it is not a regular file" in said
 
 
 def test_a_journal_that_names_another_file_has_sqlite_delete_nothing(whole, store, tmp_path):

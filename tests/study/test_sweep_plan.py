@@ -223,7 +223,7 @@ def test_distributions_have_the_mean_and_width_that_textbooks_give(kind):
         ({"key": CR, "fit": "20g6/H7"}, "has its shaft first"),
         ({"key": CR, "fit": "20H7/p6"}, "interference fit"),
         ({"key": CR, "fit": "20H7/g6", "from": 0}, "from does not go with fit; it takes fit"),
-        ({"key": MU, "fit": "20H7/g6"}, "clearances of a fit are lengths, and the key is none"),
+        ({"key": MU, "fit": "20H7/g6"}, "of a fit are lengths, but the key takes no length"),
     ],
 )
 def test_a_fit_that_cannot_be_drawn_from_is_refused(words, said):

@@ -119,12 +119,12 @@ def tables(reversals: Reversals, name: str) -> dict[str, str]:
         )
     if not reversals.lost:
         raise JointplayError(
-            f"nothing to tell {name}: no gear's teeth change sides, and its rule goes by reversals"
+            f"no compensation for {name}: it acts at reversals, and no gear's teeth change sides"
         )
     files = FORMATS[name].write(reversals)
     if not files:
         raise JointplayError(
-            f"nothing to tell {name}, which knows {FORMATS[name].axes}: none of them changes sides"
+            f"no compensation for {name}: it knows {FORMATS[name].axes}, and none changes sides"
         )
     return files
 

@@ -176,8 +176,8 @@ def edited_robot(
     """
     if tilt:
         raise JointplayError(
-            "--tilt is for MJCFs that are made of a URDF; into an MJCF of your own only play about "
-            "an axis is put"
+            "--tilt is for MJCFs that are made from a URDF; an MJCF of your own gets only the play "
+            "about joints' own axes"
         )
     root, model = _load_included(mechanism)
     return EditedRobot(mechanism, root, model, pose, tuple(reductions), {})
@@ -315,8 +315,8 @@ def _find(root: Element, name: str) -> tuple[Element, Element]:
     ]
     if len(matches) != 1:
         raise JointplayError(
-            f"the joint {name!r} is not written in the MJCF by this name, once: it has no name, or "
-            "comes of <replicate> or <attach>; give it one, or write it out"
+            f"the MJCF does not name a joint {name!r} exactly once: it has no name there, or comes "
+            "from <replicate> or <attach>; give it one, or write it out"
         )
     return matches[0]
 

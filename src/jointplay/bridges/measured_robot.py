@@ -64,8 +64,8 @@ def write_corrected(fit: Calibration, path: Path, mjcf: bool) -> str:
     corrections = fit.corrections()
     if not corrections:
         raise JointplayError(
-            "nothing to put right: neither offset nor placement was kept (--always offset has it "
-            "in every model)"
+            "no joint to correct: neither offset nor placement was kept (--always offset has the "
+            "offset in every model)"
         )
     if mjcf:
         text, meshes = corrected_mjcf(fit.mechanism, corrections)
@@ -75,4 +75,4 @@ def write_corrected(fit: Calibration, path: Path, mjcf: bool) -> str:
         files.write(path, to_urdf(fit.mechanism.ideal(), corrections))
     varying = [str(term) for term in fit.kept if term.kind not in CONSTANT]
     lacks = f"; not in it, as they vary with pose or load: {', '.join(varying)}" if varying else ""
-    return f": {counted(len(corrections), 'joint')} put right{lacks}"
+    return f": {counted(len(corrections), 'joint')} corrected{lacks}"

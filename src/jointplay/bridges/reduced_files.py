@@ -90,7 +90,9 @@ def bodies(mechanism: Mechanism, reductions: Iterable[Reduction] = ()) -> list[B
     for index in range(1, model.njoints):
         joint, name = model.joints[index], names[index]
         if joint.nv != 1:
-            raise JointplayError(f"joint {name!r} has {joint.nv} coordinates; one can be written")
+            raise JointplayError(
+                f"joint {name!r} has {joint.nv} coordinates; only joints with one can be written"
+            )
         (direction,) = motions(model, data, index)
         slides = bool(np.linalg.norm(direction[3:]) < 0.5)
         entry = mechanism.description.joints[name]

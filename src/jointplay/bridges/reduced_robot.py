@@ -138,7 +138,9 @@ class ReducedRobot:
         sides = {name: getattr(drives.get(name), "encoder", ENCODERS[0]) for name in names}
         if len({*sides.values()}) > 1:
             places = ", ".join(f"of {name} on the {side}" for name, side in sides.items())
-            raise JointplayError(f"encoders sit {places}: --encoder says where all of the file are")
+            raise JointplayError(
+                f"encoders are {places}, but a file has all on one side: give --encoder"
+            )
         options |= {"servos": servos, "encoder": next(iter(sides.values()), ENCODERS[0])}
         notes += by_rule(mechanism, "rotor_inertia")
         return cls(mechanism, reductions, pose, formats, tilt, **options), notes

@@ -272,7 +272,7 @@ def planned(
     plans = {side: [arm.cycle(seed, side) for seed in seeds] for side in (ANY_SIDE, ONE_SIDE)}
     try:
         if simulation.mechanism.clearance:
-            raise JointplayError("of journals see jointplay compensate")
+            raise JointplayError("for journals see jointplay compensate")
         plans[COMPENSATED] = [arm.cycle(seed, COMPENSATED) for seed in seeds]
         undecided = compensate(arm.reference()).undecided_stops
     except JointplayError as error:

@@ -257,7 +257,7 @@ def _distribution(
 
 def _fit(table: Mapping[str, Any], units: tuple[str, ...]) -> Fit:
     if units != ("m",):
-        raise JointplayError("clearances of a fit are lengths, and the key is none")
+        raise JointplayError("clearances of a fit are lengths, but the key takes no length")
     if "fit" not in table:
         raise JointplayError('the key fit is missing; give one such as "20H7/g6"')
     fit = Fit(table["fit"])

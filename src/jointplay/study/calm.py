@@ -159,7 +159,7 @@ def calm(
     require_whole("poses", positions, 2, 200)
     axes = [axis for axis in released(simulation, joints, pose) if isinstance(axis, Axis)]
     if not axes:
-        raise JointplayError("poses are of servos; controllers of your own are looked at as posed")
+        raise JointplayError("poses are varied for servos; a controller of your own runs at one only")
     results = []
     for axis in axes:
         entry = simulation.mechanism.description.joints[axis.joint]

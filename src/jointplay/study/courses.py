@@ -215,4 +215,4 @@ def dynamic_error(
         size = np.linalg.norm(errors(courses, ideal)[:, judged], axis=2)
         rms = rms_in_time(ideal.time[judged], size.T)
         return DynamicError(size.max(axis=1), rms, since, step)
-    raise JointplayError(f"to verify: {failed}")
+    raise JointplayError(f"verification by runs failed: {failed}")

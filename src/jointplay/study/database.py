@@ -190,7 +190,7 @@ class Rows:
                 if not os.path.lexists(file):
                     continue
                 if not stat.S_ISREG(file.lstat().st_mode):
-                    raise damaged(file, self._noun, "it is no regular file")
+                    raise damaged(file, self._noun, "it is not a regular file")
                 if ending == "-journal" and file.read_bytes().endswith(_SUPER):
                     raise damaged(file, self._noun, "it names another file")
 
@@ -217,7 +217,7 @@ class Rows:
             else:
                 self.intact = False
         if content is None:
-            raise damaged(self.path, self._noun, "what it says of itself does not match its seal")
+            raise damaged(self.path, self._noun, "its description does not match its checksum")
         try:
             self.about: dict[str, Any] = json.loads(content)
             declared = self.about.pop("columns")

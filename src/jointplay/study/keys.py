@@ -111,7 +111,7 @@ def kinds(path: Key) -> list[Kind]:
             raise JointplayError(unknown_key(str(part), names) + location)
         level = children
     if path[0] in NOT_SWEPT:
-        raise JointplayError(f"no sweep goes over {path[0]!r}")
+        raise JointplayError(f"a sweep cannot vary {path[0]!r}")
     return level
 
 

@@ -181,7 +181,7 @@ def refuse_without_servo(joint: str | None, drives: Iterable[object], robot: str
     add = servo_of(name) if joint else f"--gear {name}=PLAY and {servo_of(name)}"
     if any(isinstance(drive, Servo) for drive in drives):
         add = f"--preset, which has the servos of {robot}"
-    raise JointplayError(f"hunting is of gears with play under servos, none is given: add {add}")
+    raise JointplayError(f"hunting needs a gear with play under a servo, none is given: add {add}")
 
 
 def released(

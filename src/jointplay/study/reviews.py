@@ -240,7 +240,7 @@ def laws(
     mechanism = simulation.mechanism
     joints = [name for name, joint in mechanism.clearance.items() if hasattr(joint, "normal")]
     if not joints:
-        raise JointplayError("no joint has a contact whose law could be another")
+        raise JointplayError("no joint has a contact with a normal-force law to exchange")
     runs = {}
     for name in dict.fromkeys(names):
         law = NORMAL_LAWS[name]()

@@ -60,7 +60,7 @@ class Runs(Memory[Arrays]):
         """Read the runs that the file has, and rebuild it without damaged rows, if it has any."""
         stored = self._rows.about.get("inputs")
         if not isinstance(stored, dict) or [c.name for c in self._rows.columns] != [_VALUES]:
-            raise JointplayError(f"{str(self._rows.path)!r} is no {_KIND}; delete it")
+            raise JointplayError(f"{str(self._rows.path)!r} is not a {_KIND}; delete it")
         changed = [name for name in {**stored, **inputs} if stored.get(name) != inputs.get(name)]
         if changed:
             raise JointplayError(

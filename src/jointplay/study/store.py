@@ -310,7 +310,7 @@ class Contents:
         self.count = math.prod(sizes)
         tables = [self.about[name].values() for name in ("identity", "versions", "inputs")]
         if not all(isinstance(text, str) for texts in tables for text in texts):
-            raise self._damaged("its inputs are no texts")
+            raise self._damaged("its inputs are not text")
         for name, label in self.about["labels"].items():
             listed = label.get("values") if isinstance(label, dict) else None
             plain = isinstance(listed, list) and all(
@@ -322,7 +322,7 @@ class Contents:
         names = [column.name for column in rows.columns]
         of_cases = [*self.about["labels"], *sampled]
         if not all(isinstance(name, str) for name in of_cases) or len({*names}) < len(names):
-            raise self._damaged("its columns have no names of their own")
+            raise self._damaged("its columns do not have distinct names")
         if {*of_cases} - {*names} or (sampled and "sample" not in self.sizes):
             raise self._damaged(f"its values are of {of_cases!r:.60}")
         if [column for column in rows.columns if column in SAID] != [*SAID]:
@@ -331,7 +331,7 @@ class Contents:
         self.measures = [column for column in rows.columns if column not in (*self.values, *SAID)]
         numbers = [*self.measures, *(column for column in self.values if column.name in sampled)]
         if any(column.kind != "REAL" for column in numbers):
-            raise self._damaged("a measure is no number")
+            raise self._damaged("a measure is not a number")
 
     def _damaged(self, reason: str) -> JointplayError:
         return damaged(self.rows.path, "sweep", reason)
@@ -350,7 +350,7 @@ class Contents:
             except (ValueError, OverflowError):
                 good = False
             if not good or (index < 0).any() or (index >= shape).any():
-                raise self._damaged("a row has the place of no case")
+                raise self._damaged("a row belongs to no case")
             if not {*values["status"]} <= {DONE, FAILED}:
                 raise self._damaged("a case is neither done nor failed")
             yield index, values

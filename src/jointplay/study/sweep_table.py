@@ -130,8 +130,8 @@ def measured(dataset: xr.Dataset, name: str) -> xr.DataArray:
         if any(name == base or name.startswith(f"{base}_") for base in BEARING):
             having = [base for base in names if base.startswith(tuple(BEARING))]
             raise JointplayError(
-                f"no measure {name!r}: it is of a joint with rolling elements; of this sweep's "
-                + (f"there are {', '.join(having)}" if having else "joints none has any")
+                f"no measure {name!r}: it is of rolling bearings; "
+                + (f"this sweep has {', '.join(having)}" if having else "this sweep has none")
             )
         raise MissingName("measure", name, names)
     return dataset[name]

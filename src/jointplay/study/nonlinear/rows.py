@@ -224,7 +224,7 @@ def rows(
     """
     runs_file = path.with_suffix(".runs")
     if path.exists() and not runs_file.exists():
-        raise JointplayError(f"{str(path)!r} is no table of these; choose another folder")
+        raise JointplayError(f"{str(path)!r} is not of this analysis; choose another folder")
     with closing(Runs(runs_file, inputs)) as store:
         present = len(store)
         Study({key: key for key in keys}, partial(_computed, work), store).run(jobs, progress)

@@ -73,8 +73,8 @@ def check_base(mechanism: Mechanism) -> None:
     """Raise a JointplayError if the base is free, so that no motion repeats itself."""
     if mechanism.free_base is not None:
         raise JointplayError(
-            "nonlinear dynamics are those of motions that may repeat themselves, and a free base "
-            'drifts away: take the mechanism with base = "held"'
+            "nonlinear dynamics is analysed for motions that can repeat, and a free base drifts "
+            'away: take the mechanism with base = "held"'
         )
 
 
