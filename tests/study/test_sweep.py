@@ -462,7 +462,7 @@ def test_a_sweep_of_bearings_has_loads_and_life_as_columns(tmp_path):
         assert float(data.isel(kind=-1)[f"{name}_joint_b"]) == pytest.approx(value, rel=1e-12)
     assert data["largest_element_load_joint_b"].attrs["units"] == "N"
     assert "largest_element_load_joint_a" not in data
-    with pytest.raises(JointplayError, match=r"of this sweep's there are .*bearing_life_h"):
+    with pytest.raises(JointplayError, match=r"this sweep has .*bearing_life_h"):
         measured(data, "bearing_life_joint_a")
 
 

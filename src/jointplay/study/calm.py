@@ -159,7 +159,7 @@ def calm(
     require_whole("poses", positions, 2, 200)
     axes = [axis for axis in released(simulation, joints, pose) if isinstance(axis, Axis)]
     if not axes:
-        raise JointplayError("poses are varied for servos; a controller of your own runs at one only")
+        raise JointplayError("poses are varied for servos; own controllers run at one pose only")
     results = []
     for axis in axes:
         entry = simulation.mechanism.description.joints[axis.joint]
