@@ -225,6 +225,7 @@ class _Gains:
         gains = [(axis.gains["p_gain"], s) for axis, s in zip(axes, self.loose, strict=True)]
         self.calm_gains = [gain if swing == QUIET else None for gain, swing in gains]
         self.shaking_gains = [None if swing == QUIET else gain for gain, swing in gains]
+        # Away from the present gain until calm and shaking enclose the limit, then between them.
         for _ in range(TRIES):
             self._try(list(map(_outward, self.calm_gains, self.shaking_gains, axes)))
         for _ in range(BETWEEN):

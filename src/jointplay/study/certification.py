@@ -163,11 +163,13 @@ def certify(
         its_result.dataset = compared(its_result.dataset, ideal)
         return of_run | claims_of(its_result)
 
+    # The finest run is the first: `numerical_error` measures the change to it.
     finest, middle, first = reversed(plans)
     numbered = [*enumerate([finest, middle, first] if strict else [finest, first], 1)]
     outcomes = Study(numbered, figures_of).run(copies(jobs, numbered))
     headline = headline_of(result, ideal, with_claims)
     measured = [outcome for outcome in outcomes if not isinstance(outcome, str)]
+    # In an estimate the third run decides where the first two leave a figure open.
     if not strict and len(measured) == len(outcomes) and leave_open(headline, measured):
         numbered.append((3, middle))
         outcomes.append(figures_of(numbered[-1]))

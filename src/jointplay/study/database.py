@@ -253,7 +253,7 @@ class Rows:
                 places, columns, good = self._checked(rows)
             except _OTHER_TYPE:  # a value of some row has another type: check row by row
                 typed = [row for row in rows if self._is_good(row)]
-                self._hurt("a row has a value of another type")
+                self._report_damage("a row has a value of another type")
                 if not typed:
                     continue
                 places, columns, good = self._checked(typed)
@@ -263,15 +263,16 @@ class Rows:
                     seen.add(place)
                     indices.append(k)
                     continue
-                self._hurt(f"the row of case {place!r:.60} does not match its checksum, or is "
-                           "there twice")  # fmt: skip
+                self._report_damage(
+                    f"the row of case {place!r:.60} does not match its checksum, or is there twice"
+                )
             if len(indices) == len(places):
                 yield places, columns
             elif indices:
                 some = {name: c[indices] for name, c in columns.items()}
                 yield [places[k] for k in indices], some
 
-    def _hurt(self, reason: str) -> None:
+    def _report_damage(self, reason: str) -> None:
         self.intact = False
         if not self._write:
             raise JointplayError(
@@ -292,7 +293,7 @@ class Rows:
         except _UNREADABLE as error:
             if isinstance(reported := self._explained(error), _Elsewhere):
                 raise reported from None
-            self._hurt(str(error))
+            self._report_damage(str(error))
             one_row = f"SELECT {names} FROM cases WHERE rowid = ?"
             for number in range(1, most + 1):
                 with suppress(sqlite3.DatabaseError):

@@ -290,6 +290,8 @@ def hunting(
         _require_gain(group, gain := str(gain))
         if group.gains[gain] == 0.0:
             raise JointplayError(f"{gain} is 0: give a value that can be doubled and halved")
+    # Each group runs from all starts with play and without; where a gain varies, so do the gains
+    # that the search may try, and without play the one that hunts.
     varies = sum(gain is not None or isinstance(group, Axis) for group in groups)
     total = len(starts) * (2 * len(groups) + (1 + REACH + 2 * BETWEEN) * varies)
     with store_in(keep) as store, ProgressBar(disable=not progress, unit="run", total=total) as bar:

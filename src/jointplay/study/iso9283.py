@@ -408,6 +408,8 @@ def iso9283(
     conditions = f"load: {load}; speed: {100 * speed:g} % of the motion's; {poses}"
     simulation = at_speed(simulation, speed)
     assert simulation.motion is not None
+    # With play in gears the stops have cycles of their own, for each approach; the user's cycles
+    # then serve the path alone.
     geared = applies(simulation)
     path_cycles = replace(counts, pose=min(counts.pose, counts.path)) if geared else counts
     plans, causes, path_cycle = dict[str, list[Simulation]](), list[str](), simulation
@@ -419,6 +421,7 @@ def iso9283(
     n = len(runs)
     if geared:
         runs += [ideal_simulation(arm.reference()), *chain(*plans.values())]
+    # One study of all runs: the ideal path, cycles of the path, the ideal stops, cycles of stops.
     ideal, *courses = traces(runs, jobs=jobs, keep=keep, progress=progress, label="cycles")
     path_courses = courses[: n - 1]
     since = path_cycle.judged_from

@@ -91,6 +91,7 @@ def kinds(path: Key) -> list[Kind]:
     Raises:
         JointplayError: there is no such key; gives the nearest names.
     """
+    # From part to part: the types of the tables at this depth, then of their entries.
     level = list(_alternatives(Model))
     for depth, part in enumerate(path):
         names = dict.fromkeys(name for kind in level for name in kind.fields)
@@ -136,6 +137,7 @@ def set_key(changes: dict[str, Any], base: Mapping[str, Any], path: Key, value: 
     Raises:
         JointplayError: `base` has no such element of a list.
     """
+    # Down the path, in `changes` making tables as needed, and in `base` beside.
     table: Any = changes
     element: Any = base
     for depth, part in enumerate(path[:-1]):
@@ -144,6 +146,7 @@ def set_key(changes: dict[str, Any], base: Mapping[str, Any], path: Key, value: 
         if isinstance(element, str) and not isinstance(nested, Mapping):
             # A bare word stands for a table, which changes of its keys must still name.
             nested = {"law" if path[0] == "joints" else "kind": element}
+        # Merging replaces a list as a whole, so a change of one element begins with a copy.
         if isinstance(path[depth + 1], int) and nested is None:
             nested = deepcopy(list(element)) if isinstance(element, Sequence) else []
         table[part] = {} if nested is None else nested

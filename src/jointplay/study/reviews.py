@@ -136,6 +136,8 @@ def convergence(
     parameter = "step" if simulation.tolerance is None else "tolerance"
     nominal = float(getattr(simulation, parameter))
     factors = [factor for factor in FACTORS if parameter == "step" or factor * nominal <= 1.0]
+    # Steps that a run refuses, or that break down, are left out; not so the run's own and the
+    # finest, which all is compared with.
     runs, refused = {}, []
     for factor in (*factors, FINEST):
         size: dict[str, Any] = {parameter: factor * nominal}

@@ -51,12 +51,12 @@ class Runs(Memory[Arrays]):
         except JointplayError as error:
             raise JointplayError(f"{error}; delete it, or choose another folder") from None
         try:
-            self._take_up(inputs["inputs"])
+            self._load(inputs["inputs"])
         except BaseException:
             self._rows.close()
             raise
 
-    def _take_up(self, inputs: Mapping[str, Any]) -> None:
+    def _load(self, inputs: Mapping[str, Any]) -> None:
         """Read the runs that the file has, and rebuild it without damaged rows, if it has any."""
         stored = self._rows.about.get("inputs")
         if not isinstance(stored, dict) or [c.name for c in self._rows.columns] != [_VALUES]:

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 RESULTS = "results"
 """Folder of the results of cases."""
-SAID = (
+OUTCOME_COLUMNS = (
     Column("status", "TEXT", text="done, or failed"),
     Column("error", "TEXT", text="error message of the case"),
     Column("result", "TEXT", text="checksum of the case's result"),
@@ -101,23 +101,25 @@ class SweepStore:
         return {**self.plan.attributes, **study, "labels": labels, "versions": versions()}
 
     def _values(self) -> list[Column]:
-        """Columns of the cases' values on the axes, and `SAID`."""
+        """Columns of the cases' values on the axes, and `OUTCOME_COLUMNS`."""
         columns = [
             Column(name, _KINDS.get(values.dtype.kind, "TEXT"), about["units"],
                    one_line(about["long_name"]))
             for name, (_, values, about) in self.plan.coordinates.items()
         ]  # fmt: skip
-        return [*columns, *SAID]
+        return [*columns, *OUTCOME_COLUMNS]
 
     def _reopen(self, extend: bool) -> None:
         """Continue an existing store; damaged cases count as not run."""
         contents = Contents(self._rows)
         self._check_study(contents.about, extend)
+        # A sweep may only have grown, along the same dimensions.
         sizes = contents.sizes
         if list(sizes) != list(self.plan.sizes) or np.any(
             np.array(list(sizes.values())) > self.plan.shape
         ):
             raise damaged(self._rows.path, "sweep", f"its sizes are {contents.sizes}")
+        # A case has been run if its row is there and its result, if it has one, is intact.
         for index, values in contents.blocks():
             good = np.array([
                 not sealed or _is_sealed(self.path / RESULTS / file_of(case), sealed)
@@ -126,13 +128,15 @@ class SweepStore:
             self.ran[tuple(index[good].T)] = True
             self.failed += int(np.count_nonzero(values["status"][good] == FAILED))
             self._rows.intact &= bool(good.all())
+        # Damaged rows, or other columns than the plan's, need a new file.
         columns = [*self._values(), *contents.measures]
-        if not self._rows.intact or columns != [*contents.values, *SAID, *contents.measures]:
-            self._rows.rebuild(self._about(), columns, self._rows_run(contents))
+        present = [*contents.values, *OUTCOME_COLUMNS, *contents.measures]
+        if not self._rows.intact or columns != present:
+            self._rows.rebuild(self._about(), columns, self._kept_rows(contents))
         else:
             self._rows.set_about(self._about())
 
-    def _rows_run(self, contents: Contents) -> Iterator[tuple[str, dict[str, Any]]]:
+    def _kept_rows(self, contents: Contents) -> Iterator[tuple[str, dict[str, Any]]]:
         """Yield the rows of the cases that have been run, with their axes' values by the plan."""
         for index, values in contents.blocks():
             for k, position in enumerate(map(tuple, index.tolist())):
@@ -207,7 +211,7 @@ class SweepStore:
 
     def _fitted(self, outcome: Outcome) -> Outcome:
         """The outcome; a failed one in its place if a measure's name cannot be that of a column."""
-        reserved = {*self.plan.coordinates, *(column.name for column in SAID)}
+        reserved = {*self.plan.coordinates, *(column.name for column in OUTCOME_COLUMNS)}
         invalid = [name for name in outcome.values if name in reserved or not name.isprintable()]
         invalid += [name for name in outcome.values if not name]
         names = {column.name for column in self._rows.columns}
@@ -325,10 +329,11 @@ class Contents:
             raise self._damaged("its columns do not have distinct names")
         if {*of_cases} - {*names} or (sampled and "sample" not in self.sizes):
             raise self._damaged(f"its values are of {of_cases!r:.60}")
-        if [column for column in rows.columns if column in SAID] != [*SAID]:
+        if [column for column in rows.columns if column in OUTCOME_COLUMNS] != [*OUTCOME_COLUMNS]:
             raise self._damaged("its columns are not those of a sweep")
         self.values = [column for column in rows.columns if column.name in of_cases]
-        self.measures = [column for column in rows.columns if column not in (*self.values, *SAID)]
+        others = (*self.values, *OUTCOME_COLUMNS)
+        self.measures = [column for column in rows.columns if column not in others]
         numbers = [*self.measures, *(column for column in self.values if column.name in sampled)]
         if any(column.kind != "REAL" for column in numbers):
             raise self._damaged("a measure is not a number")
@@ -422,7 +427,7 @@ class Sweep:
         import xarray as xr
 
         contents, number, values = self._read()
-        columns = [*contents.values, *SAID[:2], *contents.measures]
+        columns = [*contents.values, *OUTCOME_COLUMNS[:2], *contents.measures]
         dataset = xr.Dataset({column.name: ("case", values[column.name]) for column in columns})
         frame: pd.DataFrame = dataset.assign_coords(case=number).to_dataframe()
         frame.attrs["units"] = {column.name: column.unit for column in columns}

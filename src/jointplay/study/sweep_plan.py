@@ -195,6 +195,7 @@ class SweepPlan:
             return set()
         keys = set()
         for key in (key for key in self.identity if key.startswith("sweep.")):
+            # Lists may get values at their end; samples and repeats may become more.
             old, new = (json.loads(texts.get(key, "null")) for texts in (identity, self.identity))
             longer = isinstance(old, list) and isinstance(new, list) and new[: len(old)] == old
             grows = key == "sweep.repeats" or (key == "sweep.samples" and self.sampling in GROWING)

@@ -161,6 +161,7 @@ def run_plan(
         raise JointplayError(
             f"a sweep is written to a folder, got {str(path)!r}; copy the finished folder there"
         )
+    # All that can refuse the sweep comes before its store is made.
     number = number_of(jobs)
     first = probe(plan, progress)
     if plan.count > MANY and not yes:
@@ -180,7 +181,7 @@ def run_plan(
         workers = hire(plan.count) if fresh and scheduler is not None else None
         store = SweepStore(path, plan, resume, extend)
         try:
-            while True:
+            while True:  # once, or with `until` as often as the samples have to be doubled
                 count = int(np.count_nonzero(~store.ran))
                 workers = hire(count) if count and workers is None else workers
                 if begin is not None:
