@@ -1,4 +1,4 @@
-"""The corrected robot as MJCF: bodies where a calibration found them, all else as it was."""
+"""The calibrated robot as MJCF: bodies where the calibration found them, all else unchanged."""
 
 import re
 from dataclasses import replace

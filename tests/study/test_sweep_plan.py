@@ -1,4 +1,4 @@
-"""What a table [sweep] says, and what it cannot say."""
+"""Tables [sweep]: the plans they describe, and the errors of those that are wrong."""
 
 import numpy as np
 import pytest
