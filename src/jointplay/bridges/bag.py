@@ -83,17 +83,12 @@ def _topics(result: Result) -> list[tuple[str, str, str, str, Any]]:
     ]
     kind = "geometry_msgs/msg/Vector3Stamped"
     for joint in result.joints:
-        prefix = joint_topic(joint)
+        prefix = f"/clearance/{re.sub(r'[^A-Za-z0-9_]', '_', joint)}"
         force = _vector(result["joint_force"].sel(joint=joint).values)
         centre = _vector(result["journal_centre"].sel(joint=joint).values)
         topics.append((f"{prefix}/force", kind, "world", "vector", force))
         topics.append((f"{prefix}/journal_centre", kind, f"{joint}_bearing", "vector", centre))
     return topics
-
-
-def joint_topic(joint: str) -> str:
-    """Prefix of the topics of a joint with clearance."""
-    return f"/clearance/{re.sub(r'[^A-Za-z0-9_]', '_', joint)}"
 
 
 def _vector(values: np.ndarray, names: tuple[str, ...] | str = AXES) -> dict[str, list[float]]:

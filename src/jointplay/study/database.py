@@ -150,7 +150,11 @@ class Rows:
     ) -> Rows:
         """Create a file without cases, and open it for writing."""
         content = _content({**about, "store": secrets.token_hex(16)}, columns)
-        with closing(_fresh(content, columns)) as fresh:
+        with closing(sqlite3.connect(":memory:", isolation_level=None)) as fresh:
+            fresh.execute(_ABOUT)
+            fresh.execute(_cases(columns))
+            for _ in range(2):
+                fresh.execute("INSERT INTO about VALUES (?, ?)", (content, _checksum(content)))
             files.write(path, fresh.serialize(), overwrite=True, announced=False)
         return cls(path, write=True, noun=noun)
 
@@ -478,13 +482,3 @@ def _content(about: Mapping[str, Any], columns: Sequence[Column]) -> str:
 
 def _checksum(content: str) -> str:
     return hashlib.sha256(content.encode()).hexdigest()
-
-
-def _fresh(content: str, columns: Sequence[Column]) -> sqlite3.Connection:
-    """A file without cases, in memory."""
-    connection = sqlite3.connect(":memory:", isolation_level=None)
-    connection.execute(_ABOUT)
-    connection.execute(_cases(columns))
-    for _ in range(2):
-        connection.execute("INSERT INTO about VALUES (?, ?)", (content, _checksum(content)))
-    return connection

@@ -288,10 +288,7 @@ class Spread:
             row = [values.mean(), values.std(ddof=1), low, high]
             rows.append([f"{name} [{unit}]", *(f"{factor * value:.5g}" for value in row)])
         heads = ("figure", "mean", "standard deviation", f"{BAND[0]:g} %", f"{BAND[1]:g} %")
-        columns = zip(*rows, strict=True)
-        return Table(
-            [Column(head, list(c), digits=5) for head, c in zip(heads, columns, strict=True)]
-        )
+        return Table.of_texts([heads, *rows])
 
     def __str__(self) -> str:
         count = len(next(iter(self.figures.values())))

@@ -352,17 +352,12 @@ def _integer(minimum: int) -> Callable[[Any], int]:
     return lambda value: require_whole("it", value, minimum, 2**62 - 1)
 
 
-def _names(value: Any) -> tuple[str, ...]:
-    names: tuple[str, ...] = check(tuple[str, ...], [value] if isinstance(value, str) else value)
-    return names
-
-
 _READERS: dict[str, Callable[[Any], Any]] = {
     "samples": _integer(1),
     "seed": _integer(0),
     "repeats": _integer(1),
     "sampling": lambda value: check(Literal[METHODS], value),  # type: ignore[valid-type]
-    "measures": _names,
+    "measures": lambda value: check(tuple[str, ...], [value] if isinstance(value, str) else value),
     "results": lambda value: check(bool, value),
     "start": lambda value: require_non_negative("it", check(float, value, ("s",)), "s"),
     "tool_error": lambda value: check(bool, value),
