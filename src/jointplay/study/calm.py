@@ -96,7 +96,7 @@ class Calm:
         if len(kinds) == 1:
             (kind,) = kinds
             return f"{self.joint} {'shakes' if kind == 'shakes' else 'is unclear'} at every pose"
-        unclear = " (elsewhere a longer --time must tell)" * ("unclear" in kinds)
+        unclear = " (elsewhere unclear: try a longer --time)" * ("unclear" in kinds)
         begin, parts = "" if self.positions[0].verdict == "calm" else None, []
         for edge, calm in self.edges:
             if calm:

@@ -140,18 +140,19 @@ def certify(
     task = f"{'certifying' if strict else 'estimating'} errors{name and f' of {name}'}"
 
     def figures_of(numbered: tuple[int, FurtherRun]) -> dict[str, Measured] | str:
+        """Figures of a further run, or the reason why it has none."""
         number, further = numbered
         # The third run of an estimate is made in doubt only.
         label = f"{task}, {number} of {len(plans) if strict else max(number, 2)} ({further}) "
-        beside = ideal
+        reference = ideal
         if ideal is not None and number == 1:
-            # The finest run has an ideal run of its own: compared with the run's, all would share
-            # the error of that.
-            its, absence = _ideal(further.simulation, result, progress)
-            if its is None:
+            # The finest run is compared with an ideal run of its own steps: beside the ideal run of
+            # `result`, all figures would share the error of that.
+            own_ideal, absence = _ideal(further.simulation, result, progress)
+            if own_ideal is None:
                 return f"with {further}, {absence}"
-            beside = Reference(its)
-        figures = Headline(result.time, result.judge_from, beside, hinges(result))
+            reference = Reference(own_ideal)
+        figures = Headline(result.time, result.judge_from, reference, hinges(result))
         try:
             run = further.completed(figures, label, progress)
         except JointplayError as error:
@@ -159,9 +160,9 @@ def certify(
         of_run = figures.finish(run)
         if not with_claims or ideal is None:
             return of_run
-        its_result = run.result(Status.COMPLETED)
-        its_result.dataset = compared(its_result.dataset, ideal)
-        return of_run | claims_of(its_result)
+        further_result = run.result(Status.COMPLETED)
+        further_result.dataset = compared(further_result.dataset, ideal)
+        return of_run | claims_of(further_result)
 
     # The finest run is the first: `numerical_error` measures the change to it.
     finest, middle, first = reversed(plans)

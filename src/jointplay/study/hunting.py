@@ -365,7 +365,7 @@ class GainMap:
         text = f"{self.axis.joint} hunts at {int(hunts.sum())} of {hunts.size} pairs of gains"
         text += f", at {by_play} of them by its play" if hunts.any() else ""
         unclear = int(self.unclear.sum())
-        return f"{text}; at {unclear} a longer --time must tell" if unclear else text
+        return f"{text}; unclear at {unclear}: try a longer --time" if unclear else text
 
     @property
     def table(self) -> Table:
@@ -463,7 +463,7 @@ def sentence(answers: Sequence[Hunting]) -> str:
             motion = "without bounds" if swing == DIVERGES else motion
             phrases.append(f"{answer.axis.joint} {motion}{remark}")
     slow = [answer.axis.joint for answer in answers if answer.verdict == "unclear"]
-    unclear = f"; a longer --time must tell of {few(slow)}" if slow else ""
+    unclear = f"; unclear for {few(slow)}: try a longer --time" if slow else ""
     if not phrases:
         return f"{counted(len(answers), 'joint')} at rest: none hunts{unclear}"
     hunts = "hunts" if len(phrases) == 1 else "hunt"
@@ -476,11 +476,11 @@ def notes(answers: Sequence[Hunting]) -> list[str]:
     loaded = [a.axis.joint for a in answers if a.axis.load]
     controlled = [a.axis.joint for a in answers if isinstance(a.axis.drive, Controller)]
     lines = [
-        "others held; the largest swing of all starts; predicted: by the describing function, "
-        "without load, dead band, counts and limit of the supply"
+        "all other joints are held; shown is the largest swing over all starts; predicted: by the "
+        "describing function, without load, dead band, counts and limit of the supply"
     ]
     if controlled:
-        lines.append(f"moving together under controllers of your own: {few(controlled)}")
+        lines.append(f"moved together by controllers of your own: {few(controlled)}")
     if loaded:
-        lines.append("a load that presses the teeth to one side calms: other poses may hunt")
+        lines.append("a load that presses the teeth to one side prevents hunting: try other poses")
     return lines
