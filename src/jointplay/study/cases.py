@@ -53,6 +53,11 @@ class Case:
     done: bool = False
     """Whether nothing is missing."""
 
+    @property
+    def has_play(self) -> bool:
+        """Whether there is play, so that it is compared with the ideal mechanism."""
+        return bool(self.simulation.mechanism.clearance or self.simulation.mechanism.gears)
+
 
 class Cases:
     """The cases of a scenario, and the store of their results, which are files in a folder.
@@ -151,9 +156,7 @@ class Cases:
         case.length_s = length * (1 + (number_of_runs(simulation) if errors else 0))
         # A machine with play is compared with the ideal one, whose run the errors have made
         # already; one with play and elasticity also with the one without play.
-        mechanism = simulation.mechanism
-        has_play = bool(mechanism.clearance or mechanism.gears)
-        case.twins_s = length * ((has_play and not errors) + has_both(mechanism))
+        case.twins_s = length * ((case.has_play and not errors) + has_both(simulation.mechanism))
         for line in _length_and_size(run):
             self.remarks.setdefault(line, []).append(name)
         self.cases[name] = case
