@@ -59,7 +59,7 @@ def describing_function(ratio: np.ndarray | float) -> np.ndarray:
 
 COARSE = 500
 """Frequencies of a prediction that only has to say whether the joint hunts: 1 of 150 random joints
-is judged otherwise than with 8000. The default, 2000, has the frequency within 0.5 %."""
+is judged otherwise than with 8000. The default number has the frequency within 0.5 %."""
 
 
 def predicted(axis: Axis, frequencies: int = 2000) -> Swing:
