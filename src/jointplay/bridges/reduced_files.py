@@ -86,7 +86,7 @@ def bodies(mechanism: Mechanism, reductions: Iterable[Reduction] = ()) -> list[B
     names = [str(name) for name in model.names]
     low, high = joint_limits(mechanism, [n for n in names[1:] if n in mechanism.joints])
     tree: list[Body] = []
-    carriers: list[Body | None] = [None]
+    carriers: list[Body | None] = [None]  # by joint: the body that its children hang on
     for index in range(1, model.njoints):
         joint, name = model.joints[index], names[index]
         if joint.nv != 1:
@@ -95,6 +95,7 @@ def bodies(mechanism: Mechanism, reductions: Iterable[Reduction] = ()) -> list[B
             )
         (direction,) = motions(model, data, index)
         slides = bool(np.linalg.norm(direction[3:]) < 0.5)
+        # A joint that is not reduced keeps the friction of the URDF.
         entry = mechanism.description.joints[name]
         losses = Reduction(name, friction=entry.friction, viscous=entry.damping)
         reduction = reduced.get(name, losses)
@@ -108,7 +109,7 @@ def bodies(mechanism: Mechanism, reductions: Iterable[Reduction] = ()) -> list[B
             name, f"{name}_link", parent, placement, world_placement, slides, axis, limits, inertia,
             reduction.friction, reduction.viscous,
         )  # fmt: skip
-        if reduction.dead_band > 0.0:
+        if reduction.dead_band > 0.0:  # the rotor takes the joint, the body hangs on it by the play
             half = 0.5 * reduction.dead_band
             turning = rotor(body.axis, reduction.rotor_inertia)
             motor = replace(body, link=f"{name}_motor", inertia=turning)
@@ -169,6 +170,7 @@ def to_sdf(mechanism: Mechanism, *reductions: Reduction, encoder: str = "motor")
         _put_texts(put(axis, "dynamics"), damping=body.damping, friction=body.friction)
         if body.stop is None or encoder == "link":
             published.append(body.name)
+    # Links held by fixed joints become frames of the links that carry them.
     carriers = [ground, *(names[f"{name}_link"] for name in ideal.names[1:])]
     for frame in ideal.frames:
         carrier = carriers[frame.parentJoint]

@@ -108,6 +108,7 @@ class CompiledRobot:
         assert world is not None
         step = self.step(loose.values())
         option.set("timestep", f"{step:.6g}")
+        # Joints: friction, damping and rotors.
         for element in world.iter("joint"):
             name = element.get("name", "")
             if name in self.mechanism.joints:
@@ -116,6 +117,7 @@ class CompiledRobot:
                     element.attrib.pop(key, None)
                     if value > 0.0:
                         element.set(key, f"{value:.17g}")
+        # Tendons: teeth with a dead band, and rims within the bore.
         tendon, actuator, sensor = (put(root, tag) for tag in ("tendon", "actuator", "sensor"))
         for name, reduction in loose.items():
             put_play(tendon, reduction, f"{name}_play", reduction.friction, reduction.viscous)
@@ -127,6 +129,7 @@ class CompiledRobot:
             )  # fmt: skip
             for end in ("bore", "rim"):
                 put(rim, "site", site=f"{name}.{end}")
+        # Actuators and encoders.
         described = self.mechanism.description.joints
         for name in self.mechanism.joints:
             if described[name].mimic:
@@ -236,6 +239,7 @@ def compile_robot(
         for mesh in spec.meshes:
             mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL  # flat meshes have no volume
         _edit(mujoco, spec, mechanism, reductions, tilting)
+        # Compiled twice: only the first model tells which shapes touch at the pose.
         model = spec.compile()
         touching = _touching(mujoco, model, pose)
         for first, second in touching:
@@ -308,6 +312,7 @@ def _edit(
     hinge = mujoco.mjtJoint.mjJNT_HINGE
     spec.option.gravity = mechanism.gravity
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    # Play: a second hinge in the same body, about the same axis.
     for reduction in reductions:
         if reduction.dead_band > 0.0:
             motor = spec.joint(reduction.joint)
@@ -315,6 +320,8 @@ def _edit(
             motor.armature = reduction.rotor_inertia
             placement = {"type": hinge, "pos": motor.pos, "axis": motor.axis}
             motor.parent.add_joint(name=f"{reduction.joint}_play", **placement)
+    # Tilt: two hinges across the axis, and sites at the rims of journal and bore, whose distance a
+    # tendon limits.
     tree = {body.name: body for body in bodies(mechanism)}
     for reduction in tilting:
         body, moving = tree[reduction.joint], spec.joint(reduction.joint).parent

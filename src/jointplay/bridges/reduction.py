@@ -302,6 +302,7 @@ def reduce_all(
     names = _joints_with_play(mechanism)
     if not names:
         raise NothingHasPlay(mechanism.joints)
+    # A study with a case for each joint; reductions and refusals alike are its values.
     refused = {name: reason for name in names if (reason := _refusal(mechanism, name))}
     reducible = {name: name for name in names if name not in refused}
     frictions = dict(joint_friction or {})

@@ -71,6 +71,7 @@ def to_urdf(mechanism: Mechanism, corrections: Mapping[str, pin.SE3] | None = No
     corrections = corrections or {}
     for name in corrections:
         require_known("joint", name, elements)
+    # The text between the joints that change is copied as it is.
     for name, start, stop in _spans(data, "joint"):
         if name in corrections:
             origin = origin_of(place_of(elements[name]) * corrections[name])
@@ -142,7 +143,7 @@ def _chain(mechanism: Mechanism, name: str, original: Element) -> list[Element]:
     chain: list[Element] = []
     link = entry.parent
     for freedom in joint.freedoms:
-        group = VIRTUAL_LINK.index(freedom) // 3
+        group = VIRTUAL_LINK.index(freedom) // 3  # 0: translations x, y, z; 1: rotations z, y, x
         axis = axes[:, "xyz".index(freedom) if group == 0 else 2 - VIRTUAL_LINK[3:].index(freedom)]
         if freedom == joint.drive_coordinate:
             element = Element("joint", original.attrib)
@@ -160,6 +161,7 @@ def _chain(mechanism: Mechanism, name: str, original: Element) -> list[Element]:
         last = freedom == joint.freedoms[-1]
         following = entry.child if last else f"{name}.{freedom}_link"
         links = [Element("parent", link=link), Element("child", link=following)]
+        # The first joint of the chain has the origin of the original, the last one its child.
         if not chain and (origin := original.find("origin")) is not None:
             links.append(origin)
         for index, end in enumerate(links):

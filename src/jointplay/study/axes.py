@@ -78,12 +78,13 @@ def read(name: str, table: Any) -> Axis:
         table = {"values": list(table)}
     if not isinstance(table, Mapping):
         raise JointplayError(f"{toml_text(table)} is not an axis; give a list of values or a table")
+    # Which of the sources of values it has, and only keys that go with that one.
     fields = [*_KEYS, *dict.fromkeys(w for s, f in _SOURCES.items() for w in (s, *f))]
     for field in table:
         if field not in fields:
             raise JointplayError(unknown_key(str(field), fields))
     sources = [field for field in _SOURCES if field in table]
-    if "distribution" in sources:
+    if "distribution" in sources:  # which takes `from` as a bound
         sources = ["distribution"]
     if len(sources) != 1:
         present = " and ".join(sources) or "none"

@@ -235,6 +235,7 @@ class Cases:
         records, checkpoint = working_paths(case.path)
         run, self._ready = self._ready, None
         run = run or scenario.ready_run(name, progress, records)
+        # The result's file holds all that it was made from.
         notes = {"scenario": scenario.text, "scenario_file": scenario.path.name}
         notes |= {"title": scenario.title, "case": name}
         notes["values"] = to_text(values(run.simulation, scenario.origins(name)))

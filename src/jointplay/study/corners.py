@@ -433,6 +433,7 @@ def varied(simulation: Simulation, changes: Mapping[str, float]) -> Simulation:
     its mass and inertia, stiffness that of gears.
     """
     fields: dict[str, Any] = {}
+    # Factors of whole quantities first, then single numbers by their keys.
     play, stiffness = changes.get("play", 1.0), changes.get("stiffness", 1.0)
     mechanism, losses = simulation.mechanism, joint_friction(simulation)
     x = changes.get("friction", 1.0)

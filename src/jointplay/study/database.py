@@ -207,6 +207,8 @@ class Rows:
 
     def _read_about(self) -> None:
         """Read the description, from the first of its two copies that is intact."""
+        # Nothing of a file is read before its schema is found to be that of `make`, first of the
+        # description, then, with the columns that this declares, of the cases.
         execute = self.connection.execute
         schema = execute("SELECT type, sql FROM sqlite_master ORDER BY rowid").fetchmany(3)
         content = None

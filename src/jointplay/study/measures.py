@@ -108,6 +108,7 @@ def measure(
     audit = result.audit
     measures["impacts"] = float(audit.judged_impacts)
     measures["impulse"] = audit.judged_impulse
+    # Energy lost between the first judged record and the last.
     recorded = result.dataset.variables
     losses = {name: float(_since(result, name, judged)) for name in LOSSES if name in recorded}
     measures["dissipated_energy"] = sum(losses.values())
@@ -122,6 +123,7 @@ def measure(
             share = float(modes[mode] / max(judged.sum(), 1))
             measures[f"share_{mode.name.lower()}{suffix}"] = share
     measures |= dict(_bearings(result, joints, judged))
+    # The audit knows the deepest penetration of all steps, the histories that of records.
     whole_run = bool(judged.all())
     measures["penetration"] = audit.largest_penetration if whole_run else _deepest(result, judged)
     measures["energy_error"] = audit.relative_energy_residual

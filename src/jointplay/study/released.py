@@ -204,6 +204,7 @@ def released(
     loose = [name for name, gear in robot.gears.items() if gear.play > 0.0]
     for name in (*joints, *(pose or {})):
         require_known("moving joint", name, robot.joints)
+    # Where no joint can be released, the error is about the first with play, or else the first.
     driven = [name for name in loose if name in drives]
     for name in joints or driven or [*loose, *robot.joints][:1]:
         if name not in loose:

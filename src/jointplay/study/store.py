@@ -306,6 +306,7 @@ class Contents:
         ]
         if wrong:
             raise self._damaged(f"{wrong[0]} is {self.about.get(wrong[0])!r:.60}")
+        # The description: sizes, inputs, and the values along each axis.
         self.sizes: dict[str, int] = self.about["sizes"]
         sizes, sampled = self.sizes.values(), self.about["sampled"]
         sound = bool(sizes) and all(type(size) is int and size > 0 for size in sizes)
@@ -323,6 +324,7 @@ class Contents:
             values = np.array(listed if plain else None)
             if values.shape != (self.sizes.get(name),) or values.dtype.kind not in "fibU":
                 raise self._damaged(f"its values of {name} are {label!r:.60}")
+        # The columns: distinct names, the axes' values, the outcome, and measures.
         names = [column.name for column in rows.columns]
         of_cases = [*self.about["labels"], *sampled]
         if not all(isinstance(name, str) for name in of_cases) or len({*names}) < len(names):

@@ -358,6 +358,7 @@ def wear(
                         f"the journal of {joint!r} does not slide under load: its clearance does "
                         "not grow"
                     )
+                # Cycles of this block: an equal part of them all, or until its part of the growth.
                 if growth is None:
                     assert cycles is not None
                     count = cycles / blocks

@@ -114,6 +114,7 @@ class Analysis:
             raise JointplayError(f"{kind} needs --vary KEY=FROM:TO:COUNT")
         if varied is not None and kind not in (*OVER_VALUES, "lyapunov"):
             raise JointplayError(f"{kind} takes no --vary: it analyses a single motion")
+        # A provisional observation, whose simulation tells what is usual for it.
         study = Observation(scenario, case, 0, 1, records, phase, (), varied, orders, joint or "")
         simulation = study.simulation(None if varied is None else varied.values[0])
         mechanism, motion = simulation.mechanism, simulation.motion
@@ -133,6 +134,7 @@ class Analysis:
             observables.check(name, mechanism)
         if not 0.0 <= phase < 1.0:
             raise JointplayError(f"--phase must be in [0, 1) turns, got {phase:g}")
+        # What else may be wrong arises where the runs are planned.
         if varied is not None and kind == "runup":
             study = replace(study, window=window)
             study.run_up().windows(len(varied.values), study.window)

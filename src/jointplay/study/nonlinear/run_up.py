@@ -57,6 +57,7 @@ class RunUp:
                 f"{last[crank]:g} rad/s; --vary the crank's speed, such as "
                 "motion.speeds.crank_pin=1000:6000:40 rpm"
             )
+        # Steady turns at the first speed, then a ramp that takes `turns` turns of the crank.
         turn = 2.0 * math.pi
         steady = max(leave_out, 1) * turn / abs(first[crank])
         ramp = turns * turn / abs(0.5 * (first[crank] + last[crank]))
