@@ -126,7 +126,7 @@ def test_what_is_given_counts_more_than_the_class_and_that_of_a_joint_most(scara
 
 
 def test_no_sweep_goes_over_what_runs_do_not_have():
-    with pytest.raises(JointplayError, match="no sweep goes over 'errors'"):
+    with pytest.raises(JointplayError, match="a sweep cannot vary 'errors'"):
         kinds(("errors", "heating"))
 
 
