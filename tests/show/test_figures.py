@@ -18,7 +18,7 @@ from jointplay.scenario.reading import parse
 from jointplay.scenario.robot import robot_scenario
 from jointplay.show.picture import picture
 from jointplay.show.plots import design, drawings, figures, palette
-from jointplay.show.plots.chart import Axis, Chart, Panel, Words
+from jointplay.show.plots.chart import Axis, Chart, Label, Panel
 from jointplay.show.plots.draw import draw
 from jointplay.show.plots.style import style
 from jointplay.show.reports import cases, pdf, runs
@@ -91,7 +91,7 @@ def test_the_first_page_of_a_reports_pdf_is_filled_and_its_texts_stand_apart(mac
 
 
 def test_wrong_texts_are_found():
-    panel = Panel(Axis("time", "s"), Axis("force"), [Words(0.5, 0.5, "here"), Words(0.5, 0.5, "x")])
+    panel = Panel(Axis("time", "s"), Axis("force"), [Label(0.5, 0.5, "here"), Label(0.5, 0.5, "x")])
     figure = draw(Chart([[panel]], (4.0, 3.0)))
     figure.text(0.99, 0.5, "too far to the right")
     found = faults(figure)
