@@ -514,8 +514,8 @@ def reversals(reduction: Reduction) -> Figure:
 
 
 def gains(gain_map: GainMap) -> Figure:
-    """Amplitude and frequency of limit cycles over two gains; marks tell where play is not the cause
-    and where a run diverges."""
+    """Amplitude and frequency of limit cycles over two gains; marks tell where play is not the
+    cause and where a run diverges."""
     (first, x), (second, y) = gain_map.first, gain_map.second
     names = [
         f"{name[0].upper()} gain [{UNITS[name]}]" if name in UNITS else name
