@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from jointplay.model.mechanism import Mechanism
 
 MARK = "jointplay check"
-"""In the PNG's metadata: a picture that this command may replace."""
+"""Text in the PNG's metadata: a picture with it may be replaced."""
 
 
 # fmt: off
@@ -62,7 +62,7 @@ def run(options: argparse.Namespace) -> int:
         return 0
     if options.place is None:
         raise JointplayError("the argument FILE | ROBOT is missing: what is to be checked")
-    # Whether a robot's file is named and nothing else: neither play nor a motion.
+    # `bare`: only a robot is named, without play or a motion; then its file is diagnosed.
     asked = options.joint or options.gear or options.set or of_journals(options) or options.ideal
     named = options.preset is not None or options.motion is not None
     bare = not (is_scenario(options) or asked or named)
@@ -136,13 +136,13 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _place(options: argparse.Namespace, scenario: Any) -> tuple[Path, bool]:
-    """Where to draw, and whether a picture there is replaced."""
+    """Path of the picture, and whether it replaces an earlier one."""
     beside = scenario.path.with_suffix(".png")
-    # Nothing is drawn into packages.
+    # A file in a package has its picture in the current folder.
     if options.place.startswith(PREFIXES) or str(beside).startswith(PREFIXES):
         beside = Path(beside.name.rpartition(":")[2])
     path = Path(options.picture or beside)
-    # What an earlier check drew is of no value once the scenario has changed.
+    # A picture by an earlier check is outdated once the scenario has changed.
     replaced = options.picture is None and files.holds(path, MARK)
     try:
         if not replaced:

@@ -33,12 +33,12 @@ if TYPE_CHECKING:
 OF_MOTIONS = (
     *("known", "also", "known_stiffness", "lag", "signal", "source", "map", "episode", "world"),
 )
-"""Options that readings of a dial gauge have no use for."""
+"""Options for measurements in motion, which readings of a dial gauge refuse."""
 OF_AXES = (
     *("command", "path", "place", "data", "noise", "reference", "drift", "count"),
     *("formats", "out", "json", "detail", "quiet"),
 )
-"""Options of axes without a robot, and those that have a value in any case."""
+"""Options for axes without a robot, and those that always have a value."""
 LOOPS = "loops.png"
 
 
@@ -144,7 +144,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _plan(options: argparse.Namespace) -> None:
-    """Propose what to measure: poses and motions, where to set a dial, moves forth and back."""
+    """Propose what to measure: motions, places of a dial gauge, or moves to and fro under one."""
     further = {"dial": ["dial.csv"], "lost-motion": ["lost_motion.csv", "lost_motion.gcode"]}
     out = Outputs(options.out, ["plan.txt", *further.get(options.plan, [])])
     posed, how = (
@@ -177,7 +177,7 @@ def _plan(options: argparse.Namespace) -> None:
 
 
 def _motion(options: argparse.Namespace) -> None:
-    """Take signals over time."""
+    """Identify from signals over time: a CSV, a bag or a dataset."""
     names = ["identified.csv", "identified.json", "identified.png", LOOPS]
     out = Outputs(options.out, names)
     data = _recording(options, options.data)
@@ -204,7 +204,7 @@ def _motion(options: argparse.Namespace) -> None:
 
 
 def _readings(options: argparse.Namespace, stairs: bool) -> None:
-    """Take readings of a dial gauge, under forces, or where a joint turns back (`stairs`)."""
+    """Identify from a dial gauge's readings, under forces or at reversals of a joint (`stairs`)."""
     from jointplay.bridges import backlash
 
     wanted = options.formats or []
@@ -242,6 +242,7 @@ def _readings(options: argparse.Namespace, stairs: bool) -> None:
 def _answer(
     fit: Any, posed: PosedMachine | None, notes: list[str], options: argparse.Namespace
 ) -> None:
+    """Print what was identified."""
     print_answer(
         fit.sentence,
         replace(fit, notes=()),
@@ -293,7 +294,7 @@ def _changes(options: argparse.Namespace) -> None:
 
 
 def _known(options: argparse.Namespace) -> dict[str, Any]:
-    """What is known of the signals and the machine."""
+    """Arguments of an identification on what is known: noise, parameters, stiffnesses."""
     from jointplay.estimate.identification import read_stiffness
     from jointplay.estimate.measurement import JOINT_UNITS, TOOL_UNITS
 
@@ -307,7 +308,7 @@ def _known(options: argparse.Namespace) -> dict[str, Any]:
 
 
 def _of_motion(options: argparse.Namespace, posed: PosedMachine) -> tuple[Any, dict[str, Any]]:
-    """The machine that was measured in motion, and what else `identify` is told."""
+    """The machine that was measured in motion, and the further arguments of `identify`."""
     machine: Any = posed.mechanism
     if posed.simulation is not None:
         machine = replace(posed.simulation, mechanism=machine)
@@ -319,12 +320,12 @@ def _of_motion(options: argparse.Namespace, posed: PosedMachine) -> tuple[Any, d
 
 
 def _noise(options: argparse.Namespace) -> dict[str, float]:
-    """Standard deviation of readings of a dial [m or rad]."""
+    """Standard deviations of a dial gauge's readings, by signal [m or rad]."""
     return numbers_by_name(options.noise, "--noise SIGNAL=X", {"tool": "m", "link": "rad"})
 
 
 def _gauged(options: argparse.Namespace) -> tuple[PosedMachine, dict[str, Any]]:
-    """The machine, and how readings were taken: noise and pose."""
+    """The machine under a dial gauge, and the noise and pose of the readings."""
     for option in commands.typed(options, OF_MOTIONS):
         raise JointplayError(f"{option} is not for a dial gauge, which tells single joints")
     posed = posed_machine(options, single=True)
@@ -335,7 +336,7 @@ def _gauged(options: argparse.Namespace) -> tuple[PosedMachine, dict[str, Any]]:
 
 
 def _write_robot(options: argparse.Namespace, preset: Preset, mechanism: Mechanism) -> None:
-    """Write the robot with what was found, as far as each format that is asked for can say it."""
+    """Write the robot with its identified play, in each format as far as the format can hold it."""
     if options.write_preset is not None:
         commands.write_preset(options.write_preset, preset)
     if options.urdf is None and options.mjcf is None:

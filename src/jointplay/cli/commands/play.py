@@ -20,7 +20,7 @@ from jointplay.cli.options import FLAG, REPEATED, Parser
 
 FILM = {name: name for name in ("speed", "begin", "end", "size", "view", "signal")}
 FILM["frames_per_second"] = "fps"
-"""Options of a film, by the field of `Shot`."""
+"""Options of a film by field of `Shot`."""
 
 
 def _size(text: str) -> tuple[int, int]:

@@ -21,7 +21,7 @@ from jointplay.cli.commands.inputs import is_scenario, of_journals, own_preset, 
 from jointplay.cli.options import REPEATED, TIME, Parser
 
 RUNS = "hunting.runs"
-"""What is kept of runs, in the folder of --out."""
+"""File of finished runs in the folder of --out, from which an interrupted command continues."""
 
 
 # fmt: off
@@ -49,11 +49,6 @@ def declare(parser: Parser) -> None:
 # fmt: on
 
 
-def refuse_journals(options: argparse.Namespace) -> None:
-    for option in (["--joint"] if options.joint else []) + of_journals(options):
-        raise JointplayError(f"{option} is of journals, which are held here: hunting is of gears")
-
-
 def run(options: argparse.Namespace) -> int:
     out = Outputs(options.out, ["gains.csv", "gains.png"] if options.map else ["hunting.csv"])
     if options.poses is not None and (options.map or options.gain):
@@ -75,11 +70,12 @@ def run(options: argparse.Namespace) -> int:
         refuse_without_servo(
             next(iter(names), "JOINT" if options.gear else None), drives, options.place
         )
-    refuse_journals(options)
+    for option in (["--joint"] if options.joint else []) + of_journals(options):
+        raise JointplayError(f"{option} is of journals, which are held here: hunting is of gears")
     scenario = scenario_of(options)
     simulation = scenario.simulation(options.case)
-    marks = ("note: ", " is p_gain") if options.registers else ("note: ",)
-    registers = [line for line in scenario.assumptions if any(mark in line for mark in marks)]
+    marks = ("note: ", " is p_gain") if options.registers else ("note: ",)  # gains from registers
+    assumed = [line for line in scenario.assumptions if any(mark in line for mark in marks)]
     held = read_pose(simulation.mechanism, pose_of(options))
     how = {"longest": options.time, "jobs": options.jobs, "progress": not options.quiet}
     how["keep"] = Path(options.out) / RUNS if options.out else None
@@ -108,6 +104,6 @@ def run(options: argparse.Namespace) -> int:
         hunts = hunting.hunting(simulation, options.of, held, gain=options.gain, **how)
         table, notes = hunting.table(hunts, options.gain), hunting.notes(hunts)
         sentence = hunting.sentence(hunts)
-    print_answer(sentence, table, [*notes, *registers], options)
+    print_answer(sentence, table, [*notes, *assumed], options)
     out.write({"hunting.csv": table.csv()})
     return 0
