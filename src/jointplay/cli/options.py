@@ -73,11 +73,11 @@ SHARED: dict[str, dict[str, Any]] = {
         "help": "argument of a robot that is written in xacro"
     },
     "--assumed": {
-        **FLAG, "help": "list what nobody gave: values, by which rule, and what another would "
-        "change"
+        **FLAG, "help": "list the assumed values: the rule behind each, and what another value "
+        "would change"
     },
     "--write-preset": {
-        "metavar": "FILE", "help": "write the robot's joints with what was found, for --preset "
+        "metavar": "FILE", "help": "write the robot's joints with the values found, for --preset "
         "FILE of every command"
     },
     "--port": {"metavar": "N", "type": int, "default": 7000, "help": "port to listen on"},

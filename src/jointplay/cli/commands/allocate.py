@@ -1,9 +1,9 @@
 """`jointplay allocate`: the largest clearances and plays that keep the error below a target.
 
 Find the cheapest clearances and plays of gears that keep the tool's static error below a target,
-at a pose, along a motion or over the workspace, and the marginal cost of each; sizes given only
-say of which. With --whole, which cause of the whole error to improve at which joint. See
-docs/allocate.md.
+at a pose, along a motion or over the workspace, and the marginal cost of each; sizes that are given
+only name what to allocate. With --whole, find which cause of the whole error to improve at which
+joint. See docs/allocate.md.
 
 Example: jointplay allocate ur5 --clearance "0.1 mm" --target "0.2 mm" --workspace 200
 """

@@ -2,10 +2,9 @@
 
 Check a scenario without running it: its keys, values and units, the robot, and whether every case
 can start. Prints how the file was understood, and draws the mechanism at the start of the first
-case with clearance. Of a robot alone (URDF, xacro, MJCF) it says what it is made of, and all that
-is impossible or doubtful in it, each with link, line and what would be right, as an element to
-paste: an inertia is that of the link's mesh at its mass. All input options of jointplay run are
-accepted too.
+case with clearance. For a robot alone (URDF, xacro, MJCF) it lists what the robot consists of, and
+all that is impossible or doubtful, each with link, line and a correction to paste: an inertia is
+that of the link's mesh at its mass. All input options of jointplay run are accepted too.
 
 Example: jointplay check my.urdf --write fixed.urdf
 """
@@ -47,8 +46,8 @@ def declare(parser: Parser) -> None:
     picture("--picture", metavar="PNG", help="picture of the mechanism (default: beside FILE, as "
         ".png)")
     picture("--no-picture", **FLAG, help="do not draw a picture")
-    add("--write", metavar="URDF", help="of a robot alone, write it with what would be right; of "
-        "xacro and MJCF as a URDF; nothing is overwritten")
+    add("--write", metavar="URDF", help="write a robot, named alone, with the corrections; xacro "
+        "and MJCF become a URDF; nothing is overwritten")
     parser.share("--json")
 # fmt: on
 

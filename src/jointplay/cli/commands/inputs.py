@@ -65,7 +65,7 @@ OPTIONS: dict[str, dict[str, dict[str, Any]]] = {
         "--ideal": dict(**FLAG, help="the robot without clearance and without play in gears"),
         "--preset": dict(nargs="?", const="", metavar="NAME", help="joints, gears and drives as "
             "they are publicly known, or assumed for a class of robots (jointplay robots --presets "
-            "lists them; without NAME that of ROBOT); what else is given counts more"),
+            "lists them; without NAME that of ROBOT); other options override it"),
     },
     "gears": {
         "--gear": dict(**REPEATED, metavar="JOINT=PLAY", help="total play of a joint's gear or "
@@ -93,8 +93,8 @@ OPTIONS: dict[str, dict[str, dict[str, Any]]] = {
         "--force": dict(metavar="FX,FY,FZ", help="force on the tool, world axes [N]"),
     },
     "whole error": {
-        "--whole": dict(nargs="?", const="", metavar="CLASS", help="the whole error: besides "
-            "play elasticity, sag, encoders, gears, geometry, heat, of a robot of this class where "
+        "--whole": dict(nargs="?", const="", metavar="CLASS", help="the whole error: play, and "
+            "elasticity, sag, encoders, gears, geometry, heat, those of this class of robots where "
             "nothing else is known (calibrated-industrial, industrial, printed; without CLASS that "
             "of the scenario's [errors] or of the preset)"),
         "--causes": dict(metavar="LIST", type=listed, help="causes that count in --whole, such "

@@ -37,8 +37,8 @@ def declare(parser: Parser) -> None:
     add = parser.add_argument
     add("--out", metavar="DIR", required=True, help="folder for the results")
     add("--case", metavar="NAME", **REPEATED, help="run only this case of FILE")
-    add("--beside", metavar="FILE", help="the motion as it was meant, where the one that is run "
-        "was corrected: the tool's error is its distance from the ideal mechanism's on that")
+    add("--beside", metavar="FILE", help="the motion as it was meant, where a corrected one is "
+        "run: the tool's error is its distance from the ideal mechanism's tool on this motion")
     add = parser.add_argument_group("integration and output").add_argument
     add("--certify", **FLAG, help="repeat the run with finer steps to give the headline figures "
         "numerical error bounds; takes about two and a half times as long")
@@ -53,8 +53,8 @@ def declare(parser: Parser) -> None:
     add = parser.add_argument_group("what reviewers ask, with a figure for print").add_argument
     add("--converge", **FLAG, help="the headline figures over the step or tolerance, beside the "
         "errors that are stated")
-    add("--laws", metavar="NAMES", type=listed, help="the same with these normal-force laws, "
-        "joined by commas, in all joints with clearance")
+    add("--laws", metavar="NAMES", type=listed, help="the headline figures with each of these "
+        "normal-force laws, joined by commas, in all joints with clearance")
     add("--ensemble", metavar="N", type=int, help="N perturbed starts: bands of the curves, "
         "spread of the figures")
     parser.share("--pdf", "--assumed", group="integration and output")

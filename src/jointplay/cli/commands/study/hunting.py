@@ -2,8 +2,9 @@
 
 Look at one joint at a time, all others held: its motor, gear with play, inertia and weight at the
 pose, friction, and its servo. Joints that controllers of your own ([loads]) set move together. They
-are released beside their goal, several times, with play and without; printed are the swing that
-lasts, if any, what the describing function of the play predicts, and up to which gain all is quiet.
+are released beside their goal, several times, with play and without. The answer tells the swing
+that lasts, if any, what the describing function of the play predicts, and up to which gain all is
+quiet.
 Gears and servos come from a scenario, --preset, or --gear and --set; see docs/drives.md.
 
 Example: jointplay study hunting so101 --preset --of elbow_flex
@@ -40,9 +41,9 @@ def declare(parser: Parser) -> None:
     add("--gain", metavar="GAIN", help="gain that is varied: p_gain, i_gain, d_gain, or a "
         "parameter of your controller, by the name in its class or p0, p1, ... (default: p_gain of "
         "servos, none of controllers)")
-    add("--map", metavar="GAIN=FROM:TO:COUNT", **REPEATED, help="two of them, such as "
-        "p_gain=10:400:20 d_gain=0:5:20: a map of the swings over both, of one joint; evenly by "
-        "factors unless from 0")
+    add("--map", metavar="GAIN=FROM:TO:COUNT", **REPEATED, help="given twice, for two gains, such "
+        "as p_gain=10:400:20 d_gain=0:5:20: a map of one joint's swings over both, in steps of "
+        "equal factors unless from 0")
     add("--out", metavar="DIR", help="folder for hunting.csv (of a map gains.csv, gains.png) and, "
         "during the run, for what is done: the same command goes on after an interruption")
     parser.share("--jobs", "--detail", "--quiet")
