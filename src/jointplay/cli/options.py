@@ -17,8 +17,7 @@ from jointplay.base.pairs import quantity
 STOPPED, BAD_INPUT = 1, 2
 ALL = "{} --help all shows every option, with more about each."
 LONG_DEFAULT = 24
-"""Letters of the longest default that the short help shows (judged: longer ones are explanations).
-"""
+"""Longest default that the short help shows [letters] (judged: longer ones are explanations)."""
 
 
 class Number:

@@ -38,8 +38,7 @@ FRONT = ("run", "study", "budget", "identify", "play", "live", "report", "export
 MEASURED = ("write_preset", "urdf", "mjcf")
 """Options that write files of a measured robot."""
 MOST_NOTES = 3
-"""Most notes on choices and assumptions that are printed without ``--detail`` (judged: tool, sizes
-and motion decide most)."""
+"""Most notes that are printed without ``--detail`` (judged: tool, sizes and motion decide most)."""
 MORE = "(more with --detail)"
 
 

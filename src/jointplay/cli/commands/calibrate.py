@@ -103,13 +103,13 @@ def run(options: argparse.Namespace) -> int:
     payloads = []
     if options.payload is not None:
         payloads = [Payload(mechanism.tool, options.payload, centre=point)]
-    about: dict[str, Any] = {"payloads": payloads, "point": point}
-    about |= {} if scatter is None else {"error": scatter}
+    arguments: dict[str, Any] = {"payloads": payloads, "point": point}
+    arguments |= {} if scatter is None else {"error": scatter}
     notes = []
     if mechanism.tool_reason:
         notes.append(f"tool: {mechanism.tool!r} (chosen: {mechanism.tool_reason}; see --tool)")
     if options.plan:
-        plan = plan_calibration(mechanism, [*always, *terms], count=options.count, **about)
+        plan = plan_calibration(mechanism, [*always, *terms], count=options.count, **arguments)
         print_answer("", plan, notes, options)
         out.write({"plan.txt": f"{plan}\n"})
         return 0
@@ -117,8 +117,8 @@ def run(options: argparse.Namespace) -> int:
     fits: list[Calibration] = []
     poses = read_poses(mechanism, options.csv)
     if poses.link is not None:  # joints with two encoders: fit link less motor
-        asked = [*always, *terms] if options.term or options.always else None
-        fits += encoder_differences(mechanism, poses, payloads, asked)
+        chosen = [*always, *terms] if options.term or options.always else None
+        fits += encoder_differences(mechanism, poses, payloads, chosen)
         notes = [*(f"link less motor, {fit}\n" for fit in fits), *notes]
         contents[ENCODERS] = data([row for fit in fits for row in fit.rows]).csv(6)
         poses = poses.read_by_link(*options.link)
@@ -136,8 +136,8 @@ def run(options: argparse.Namespace) -> int:
         notes = []
     if measured:  # the tool's positions, or that it was at the same point
         progress = not options.quiet
-        about |= {"always": always, "folds": options.folds, "progress": progress}
-        fit = calibrate(mechanism, poses, terms, **about)
+        arguments |= {"always": always, "folds": options.folds, "progress": progress}
+        fit = calibrate(mechanism, poses, terms, **arguments)
         if options.detail:
             print(f"{fit.sentence}\n{fit}")
         else:

@@ -71,8 +71,8 @@ def _beside(options: argparse.Namespace, out: Outputs) -> int:
     result = load_one(options.a)
     shift = options.shift or "0 s"
     late = None if shift == "found" else quantity(shift, "s", "--shift")
-    how = {"runs": options.ensemble, "jobs": options.jobs, "progress": not options.quiet}
-    comparison = beside_experiment(result, options.b, shift=late, **how)
+    arguments = {"runs": options.ensemble, "jobs": options.jobs, "progress": not options.quiet}
+    comparison = beside_experiment(result, options.b, shift=late, **arguments)
     print(comparison)
     if out.claim() is not None:
         from jointplay.show.plots.draw import draw

@@ -30,9 +30,9 @@ def declare(parser: Parser) -> None:
         "run at the corners of that")
     add("--approach", **FLAG, help="where friction leaves open on which side teeth rest at a stop, "
         "reach it from one side: the tool arrives aside, and the joint creeps while it stands")
-    add("--tool-size", **LENGTH, help="size of the tool or its load, by which its rotation is "
-        "weighed against its position (default: position first, rotation as far as that leaves "
-        "joints free)")
+    add("--tool-size", **LENGTH, help="size of the tool or its load: weighs the tool's rotation "
+        "against its position (default: position first, rotation as far as that leaves joints "
+        "free)")
     add("--passes", metavar="N", type=int, default=0, help="correct further by the error that "
         "remains in simulated runs, at most N times, as long as it improves")
     add("--out", metavar="DIR", help="folder for motion.csv, original.csv (run --beside compares "
@@ -51,8 +51,8 @@ def run(options: argparse.Namespace) -> int:
     from jointplay.bridges import backlash
     from jointplay.study.corners import EXACT, IDENTIFIED, judge, learn, trust_of
 
-    wanted = options.formats or []
-    backlash.refuse_unwritten(wanted, [*backlash.FILES, *backlash.FORMATS], options.out)
+    formats = options.formats or []
+    backlash.refuse_unwritten(formats, [*backlash.FILES, *backlash.FORMATS], options.out)
     preset = chosen_preset(options)
     measured = preset is not None and bool(preset.intervals)
     trust = trust_of(options.trust or (IDENTIFIED if measured else EXACT), preset)
@@ -69,7 +69,7 @@ def run(options: argparse.Namespace) -> int:
         compensation, errors = learn(compensation, options.passes)
         passes = ", ".join(f"{1e3 * error:.4g}" for error in errors)
         notes.append(f"RMS error by pass: {passes} mm; {compensation.learned} kept")
-    further, lost = backlash.corrected_files(compensation, wanted)
+    further, lost = backlash.corrected_files(compensation, formats)
     judged = judge(compensation, trust, jobs=options.jobs, progress=progress)
     body = f"{compensation.table()}\n{judged.table()}" if options.detail else judged.table()
     notes += [*judged.notes, *compensation.notes, *lost]

@@ -147,7 +147,7 @@ def _plan(options: argparse.Namespace) -> None:
     """Propose what to measure: motions, places of a dial gauge, or moves to and fro under one."""
     further = {"dial": ["dial.csv"], "lost-motion": ["lost_motion.csv", "lost_motion.gcode"]}
     out = Outputs(options.out, ["plan.txt", *further.get(options.plan, [])])
-    posed, how = (
+    posed, known = (
         (posed_machine(options), _known(options)) if options.plan == "motion" else _gauged(options)
     )
     out.claim()
@@ -160,12 +160,12 @@ def _plan(options: argparse.Namespace) -> None:
         friction = None if posed.simulation is None else posed.simulation.joint_friction
         plan = plan_measurement(
             posed.mechanism, signals=options.signal or ["tool"], count=options.count,
-            joint_friction=friction, **push, **how,
+            joint_friction=friction, **push, **known,
         )  # fmt: skip
     elif options.plan == "dial":
         from jointplay.estimate.gauge import plan_gauge
 
-        plan = plan_gauge(posed.mechanism, joints, noise=how["noise"], **push)
+        plan = plan_gauge(posed.mechanism, joints, noise=known["noise"], **push)
         contents = {"dial.csv": plan.csv()}
     else:
         from jointplay.estimate.lost_motion import plan_lost_motion
@@ -182,11 +182,11 @@ def _motion(options: argparse.Namespace) -> None:
     out = Outputs(options.out, names)
     data = _recording(options, options.data)
     posed = posed_machine(options)
-    machine, about = _of_motion(options, posed)
+    machine, known = _of_motion(options, posed)
     out.claim()
     from jointplay.estimate import identify
 
-    fit = identify(machine, data, **about)
+    fit = identify(machine, data, **known)
     notes = list(posed.notes)
     if options.gear and posed.simulation is None:
         notes.append(
@@ -207,10 +207,10 @@ def _readings(options: argparse.Namespace, stairs: bool) -> None:
     """Identify from a dial gauge's readings, under forces or at reversals of a joint (`stairs`)."""
     from jointplay.bridges import backlash
 
-    wanted = options.formats or []
-    backlash.refuse_unwritten(wanted, backlash.FORMATS, options.out)
+    formats = options.formats or []
+    backlash.refuse_unwritten(formats, backlash.FORMATS, options.out)
     out = Outputs(options.out, ["identified.csv", "identified.json", LOOPS])
-    posed, how = _gauged(options) if options.place else (None, {"noise": _noise(options)})
+    posed, known = _gauged(options) if options.place else (None, {"noise": _noise(options)})
     out.claim()
     fit: Any
     notes, further = [] if posed is None else list(posed.notes), dict[str, str]()
@@ -218,16 +218,16 @@ def _readings(options: argparse.Namespace, stairs: bool) -> None:
         from jointplay.estimate.lost_motion import WEIGHTLESS, axes_of_table, identify_lost_motion
 
         mechanism = axes_of_table(options.data) if posed is None else posed.mechanism
-        noise = how["noise"].get("tool", how["noise"].get("link"))
-        fit = identify_lost_motion(mechanism, options.data, scatter=noise, pose=how.get("pose"))
+        noise = known["noise"].get("tool", known["noise"].get("link"))
+        fit = identify_lost_motion(mechanism, options.data, scatter=noise, pose=known.get("pose"))
         reversals = backlash.Reversals.of(fit.mechanism, fit.plays)
-        further, lost = backlash.tables_of(reversals, wanted)
+        further, lost = backlash.tables_of(reversals, formats)
         notes += [*([WEIGHTLESS] if posed is None else []), *lost]
     else:
         from jointplay.estimate.gauge import identify_gauged
 
         assert posed is not None
-        fit = identify_gauged(posed.mechanism, options.data, progress=not options.quiet, **how)
+        fit = identify_gauged(posed.mechanism, options.data, progress=not options.quiet, **known)
     _answer(fit, posed, notes, options)
     if commands.typed(options, commands.MEASURED):
         preset = fit.preset(robot_named(options))
@@ -274,17 +274,17 @@ def _changes(options: argparse.Namespace) -> None:
     if gauged[0]:
         from jointplay.estimate.gauge import gauge_problems
 
-        posed, how = _gauged(options)
+        posed, known = _gauged(options)
         out.claim()
-        old, new = (gauge_problems(posed.mechanism, path, **how) for path in paths)
+        old, new = (gauge_problems(posed.mechanism, path, **known) for path in paths)
     else:
         from jointplay.estimate.identification import identify_problem
 
         recordings = [_recording(options, path) for path in paths]
         posed = posed_machine(options)
-        machine, about = _of_motion(options, posed)
+        machine, known = _of_motion(options, posed)
         out.claim()
-        old, new = ([identify_problem(machine, data, **about)] for data in recordings)
+        old, new = ([identify_problem(machine, data, **known)] for data in recordings)
     changed = changes(old, new, progress=not options.quiet)
     notes = [*changed.notes, *posed.notes]
     print_answer(
@@ -315,8 +315,8 @@ def _of_motion(options: argparse.Namespace, posed: PosedMachine) -> tuple[Any, d
     lag = options.lag
     if lag is not None:
         lag = math.inf if lag == "inf" else quantity(lag, "s", "--lag")
-    about = {"motion": posed.motion, "reference": options.reference, "drift": options.drift}
-    return machine, {**about, "lag": lag, "progress": not options.quiet, **_known(options)}
+    known = {"motion": posed.motion, "reference": options.reference, "drift": options.drift}
+    return machine, {**known, "lag": lag, "progress": not options.quiet, **_known(options)}
 
 
 def _noise(options: argparse.Namespace) -> dict[str, float]:

@@ -191,9 +191,8 @@ FLAGS = tuple(
 
 
 def declare(parser: Parser, *groups: str, required: bool = False) -> None:
-    """Add the argument FILE | ROBOT, and the options of `groups`, which names groups or single
-    options; without any, all groups but those of `STATIC`.
-    """
+    """Add the argument FILE | ROBOT and options: those of `groups` (names of groups or of single
+    options), by default all but those of `STATIC`."""
     about = "scenario (.toml; jointplay init writes one), URDF, xacro, or name of a robot such as "
     about += "ur5; jointplay robots lists them"
     nargs = None if required else "?"

@@ -108,15 +108,15 @@ def _review(cases: Cases, options: argparse.Namespace) -> None:
     """The studies for reviewers, for each case: a table, and a PDF figure beside the result."""
     from jointplay.base import files
 
-    asked = [name for name in ("converge", "laws", "ensemble") if getattr(options, name)]
-    if not asked:
+    kinds = [name for name in ("converge", "laws", "ensemble") if getattr(options, name)]
+    if not kinds:
         return
     from jointplay.show.plots.reviews import review
 
-    how = {"jobs": options.jobs, "progress": not options.quiet}
+    common = {"jobs": options.jobs, "progress": not options.quiet}
     for name, case in cases.cases.items():
-        for kind in asked:
-            answer, figure = review(kind, case.simulation, getattr(options, kind), **how)
+        for kind in kinds:
+            answer, figure = review(kind, case.simulation, getattr(options, kind), **common)
             path = cases.out / f"{case.path.stem}_{kind}.pdf"
             files.picture(path, figure)
             print(f"\n{name}, {kind}: {answer}\n{path}")

@@ -288,7 +288,7 @@ class _Case:
         newton = max(1e-4 * largest, 1e-9)
         n = len(self.records)
         force = peak[strongest(size[:, None], self.records)[:, 0]]
-        seen = self.scene.joints[j]
+        joint_view = self.scene.joints[j]
         quanta = _QUANTA | {"normal": newton, "friction": newton}
         packed = {
             "force": packer.table(force, newton),
@@ -322,11 +322,11 @@ class _Case:
         return packed | {
             "name": name,
             "kind": clearance.kind,
-            "marked": not seen.hinge,
+            "marked": not joint_view.hinge,
             "shape": asdict(clearance.outline),
             "contacts": list(clearance.contacts),
-            "carrier": seen.link,
-            "placement": seen.place.homogeneous.T.ravel().tolist(),
+            "carrier": joint_view.link,
+            "placement": joint_view.place.homogeneous.T.ravel().tolist(),
             "largest": largest,
             "typical": _typical(size, hits),
             "typical_contact": _typical(pressing, hits),
@@ -348,9 +348,9 @@ class _Case:
         clearance = self.mechanism.clearance[name]
         if isinstance(clearance, RollingBearing):
             size, tilt = clearance.d_element, np.abs(self.values("tilt")[:, j]).max()
-            away = np.abs(self.values("journal_centre")[:, j]).max(axis=0)
-            went = max(float(np.hypot(away[0], away[1])), float(away[2]))
-            far = went + float(tilt) * clearance.outline.size[0]
+            offset = np.abs(self.values("journal_centre")[:, j]).max(axis=0)
+            travel = max(float(np.hypot(offset[0], offset[1])), float(offset[2]))
+            far = travel + float(tilt) * clearance.outline.size[0]
             pairs = [(0.35 * size, clearance.radial_travel), (0.5 * size, far)]
         else:
             outline = clearance.outline

@@ -79,22 +79,22 @@ def select_records(time: np.ndarray, hits: list[Impacts], budget: int) -> np.nda
     n = len(time)
     if n <= budget:
         return np.arange(n)
-    wanted = np.zeros(n, bool)
+    kept = np.zeros(n, bool)
     records = np.concatenate([np.zeros(0, int), *(hit.records for hit in hits)])
     force = np.concatenate([np.zeros(0), *(hit.force for hit in hits)])
     order = records[np.argsort(-force, kind="stable")]
-    wanted[order[: budget // 4]] = True
-    left = budget // 2 - int(wanted.sum())
+    kept[order[: budget // 4]] = True
+    left = budget // 2 - int(kept.sum())
     for record in order:
         first = int(np.searchsorted(time, time[record] - BEFORE_S))
         end = int(np.searchsorted(time, time[record] + AFTER_S, side="right"))
-        left -= end - first - int(wanted[first:end].sum())
+        left -= end - first - int(kept[first:end].sum())
         if left < 0:
             break
-        wanted[first:end] = True
-    grid = np.linspace(0.0, n - 1.0, max(budget - int(wanted.sum()), 2))
-    wanted[np.round(grid).astype(int)] = True
-    return np.flatnonzero(wanted)
+        kept[first:end] = True
+    grid = np.linspace(0.0, n - 1.0, max(budget - int(kept.sum()), 2))
+    kept[np.round(grid).astype(int)] = True
+    return np.flatnonzero(kept)
 
 
 def strongest(values: np.ndarray, records: np.ndarray) -> np.ndarray:

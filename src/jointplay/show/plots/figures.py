@@ -346,12 +346,12 @@ def overview(cases: Cases) -> Chart:
     A single case shows the forces of all its joints, named in the legend; several cases show that
     of one joint. Play in gears alone has neither orbit nor contact force.
     """
-    every = coloured(cases)
-    single = len(every) == 1
-    several_joints = single and len(every[0][1].joints) > 1  # colours then tell joints, not cases
+    runs = coloured(cases)
+    single = len(runs) == 1
+    several_joints = single and len(runs[0][1].joints) > 1  # colours then tell joints, not cases
     if several_joints:
-        every = [(label, result, "black") for label, result, _ in every]
-    shown = [item for item in every[::-1] if item[1].joints]  # cases with contacts
+        runs = [(label, result, "black") for label, result, _ in runs]
+    with_contacts = [item for item in runs[::-1] if item[1].joints]  # cases with contacts
     first = reference(cases) or next(iter(cases.values()))
     mechanism, plane = first.simulation.mechanism, plane_of(cases)
     across = [AXES.index(axis) for axis in plane]
@@ -365,31 +365,33 @@ def overview(cases: Cases) -> Chart:
         result.plot.panel("path", plane).styled(
             colour=tone, width=1.0, name=label if has_play(result) and not single else ""
         )
-        for label, result, tone in every
+        for label, result, tone in runs
     )
     plan = replace(plan, marks=[*bones, *plan.marks], title=f"{plane} plane, with the tool's path")
     error: Panel | None = None
     until = max(float(result.time[-1]) for result in cases.values())
-    seen = [item for item in every[::-1] if analysis.has_tool_error(item[1])]
-    if seen:
-        angle = all(result.tool_error.is_angle for _, result, _ in seen)
+    with_error = [item for item in runs[::-1] if analysis.has_tool_error(item[1])]
+    if with_error:
+        angle = all(result.tool_error.is_angle for _, result, _ in with_error)
         of, name = ("tool_orientation", "turn") if angle else ("tool_position", "error")
         error = overlaid(
             result.plot.panel("deviation", "total", of=of).styled(colour=tone)
-            for _, result, tone in seen
+            for _, result, tone in with_error
         ).renamed(f"tool {name}")
         error = replace(error, title=f"{error.y.name} against the ideal mechanism")
-        error = _with_peak(error, max(result.judge_from for _, result, _ in seen), until)
-    elif shown:
-        error = overlaid(result.plot.panel("tilt").styled(colour=tone) for _, result, tone in shown)
-        error = replace(error, title=f"tilt of the journal, {shown[0][1].joints[0]}")
+        error = _with_peak(error, max(result.judge_from for _, result, _ in with_error), until)
+    elif with_contacts:
+        error = overlaid(
+            result.plot.panel("tilt").styled(colour=tone) for _, result, tone in with_contacts
+        )
+        error = replace(error, title=f"tilt of the journal, {with_contacts[0][1].joints[0]}")
     around: dict[str, Any] = {"key": _LEGEND_COLUMNS, "wide": (1.5, 1.0)}
-    if not shown:
+    if not with_contacts:
         return Chart([[error, plan]], (9.0, 3.4), **around)
-    label, result, colour = shown[0]
+    label, result, colour = with_contacts[0]
     joint = result.joints[0]
     title = f"contact force at {joint}"
-    forces: list[Any] = [(result, None, tone, "") for _, result, tone in shown]
+    forces: list[Any] = [(result, None, tone, "") for _, result, tone in with_contacts]
     if several_joints:
         tones = many(len(result.joints))
         title, colour = "contact forces", tones[0]

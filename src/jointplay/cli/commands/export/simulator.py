@@ -88,10 +88,10 @@ def run(options: argparse.Namespace) -> int:
     refuse_without_play(mechanism, play, formats, options.tilt)
     out.claim()
     store = Path(options.out) / DONE
-    how = given(options, "amplitude", "period") | {"progress": not options.quiet}
-    how |= {"jobs": options.jobs, "store": store} if joint is None else {}
+    reversal = given(options, "amplitude", "period") | {"progress": not options.quiet}
+    reversal |= {"jobs": options.jobs, "store": store} if joint is None else {}
     robot, further = ReducedRobot.of(
-        posed, joint, formats, options.tilt, reversals=how,
+        posed, joint, formats, options.tilt, reversals=reversal,
         **given(options, "plugin", "spread"),
     )  # fmt: skip
     notes += further
@@ -122,9 +122,8 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _joint(options: argparse.Namespace) -> str:
-    """The joint to reduce, named by its --gear or else by --joint. A --joint without a clearance
-    then only names it, and is removed from the options.
-    """
+    """The joint to reduce, named by its --gear or else by --joint; a --joint that only names it,
+    without a clearance, is removed from the options."""
     geared = list(dict.fromkeys(name_and_number(text)[0] for text in options.gear))
     if not options.joint and len(geared) == 1 and geared != [ALL]:
         return geared[0]

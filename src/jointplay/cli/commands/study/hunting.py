@@ -50,6 +50,11 @@ def declare(parser: Parser) -> None:
 # fmt: on
 
 
+def refuse_journals(options: argparse.Namespace) -> None:
+    for option in (["--joint"] if options.joint else []) + of_journals(options):
+        raise JointplayError(f"{option} is of journals, which are held here: hunting is of gears")
+
+
 def run(options: argparse.Namespace) -> int:
     out = Outputs(options.out, ["gains.csv", "gains.png"] if options.map else ["hunting.csv"])
     if options.poses is not None and (options.map or options.gain):
@@ -71,15 +76,14 @@ def run(options: argparse.Namespace) -> int:
         refuse_without_servo(
             next(iter(names), "JOINT" if options.gear else None), drives, options.place
         )
-    for option in (["--joint"] if options.joint else []) + of_journals(options):
-        raise JointplayError(f"{option} is of journals, which are held here: hunting is of gears")
+    refuse_journals(options)
     scenario = scenario_of(options)
     simulation = scenario.simulation(options.case)
     marks = ("note: ", " is p_gain") if options.registers else ("note: ",)  # gains from registers
     assumed = [line for line in scenario.assumptions if any(mark in line for mark in marks)]
     held = read_pose(simulation.mechanism, pose_of(options))
-    how = {"longest": options.time, "jobs": options.jobs, "progress": not options.quiet}
-    how["keep"] = Path(options.out) / RUNS if options.out else None
+    arguments = {"longest": options.time, "jobs": options.jobs, "progress": not options.quiet}
+    arguments["keep"] = Path(options.out) / RUNS if options.out else None
     if spans:
         machines = hunting.released(simulation, options.of, held)
         names = [axis.joint for machine in machines for axis in machine.axes]
@@ -88,7 +92,7 @@ def run(options: argparse.Namespace) -> int:
     out.claim()
     streams.release()
     if spans:
-        gain_map = hunting.gain_map(machines[0], *spans, **how)
+        gain_map = hunting.gain_map(machines[0], *spans, **arguments)
         print(gain_map.sentence)
         if options.out:
             from jointplay.show.plots.design import gains
@@ -98,11 +102,11 @@ def run(options: argparse.Namespace) -> int:
     if options.poses is not None:
         from jointplay.study import calm
 
-        answers = calm.calm(simulation, options.of, held, positions=options.poses, **how)
+        answers = calm.calm(simulation, options.of, held, positions=options.poses, **arguments)
         table, notes = calm.table(answers), [answer.advice for answer in answers]
         sentence = "; ".join(answer.sentence for answer in answers)
     else:
-        hunts = hunting.hunting(simulation, options.of, held, gain=options.gain, **how)
+        hunts = hunting.hunting(simulation, options.of, held, gain=options.gain, **arguments)
         table, notes = hunting.table(hunts, options.gain), hunting.notes(hunts)
         sentence = hunting.sentence(hunts)
     print_answer(sentence, table, [*notes, *assumed], options)
