@@ -86,7 +86,6 @@ class Bars:
     shift: float = 0.0  # of the bars from the middle of their rows
     height: float = 0.6
     opacity: float = 1.0
-    error: np.ndarray | None = None
     rows: np.ndarray | Sequence[int] | None = None  # row of each bar; None: 0, 1, ...
     texts: Sequence[str] = ()  # labels at the ends of the bars
 
@@ -212,20 +211,18 @@ class Chart:
     rows: Sequence[Sequence[Panel | None]]
     size: tuple[float, float]  # width and height on screen [inches]
     title: str = ""
-    colour: str = "black"  # of the title
     note: str = ""  # small print below
     key: int = 0  # columns of the common legend; 0: none
     key_at: str = "outside upper center"  # its place, as matplotlib's `loc`
     same_x: bool | str = False  # whether all panels share the x axis, or "col": those of a column
     same_y: bool | str = False
     wide: Sequence[float] | None = None  # relative widths of the columns
-    high: Sequence[float] | None = None  # relative heights of the rows
 
     @property
     def panels(self) -> list[Panel]:
         return [panel for row in self.rows for panel in row if panel is not None]
 
 
-def outline(x: np.ndarray, y: np.ndarray, width: float = 1.0) -> Curve:
+def outline(x: np.ndarray, y: np.ndarray) -> Curve:
     """The outline of a clearance, a curve that is not data."""
-    return Curve(x, y, colour="black", width=width, frame=True)
+    return Curve(x, y, colour="black", width=1.0, frame=True)

@@ -53,15 +53,13 @@ _ABOVE_PT = 4.0  # between a point and a text above it: clear of the marker [poi
 _MOST_NAMED = 9  # most columns or rows of a map that are named, with some eight letters (judged)
 
 
-def draw(chart: Chart, look: str = "screen", whole: bool = False) -> StyledFigure:
-    """A figure of a chart in a style of `style.STYLES`; `whole` keeps its width on screen."""
+def draw(chart: Chart, look: str = "screen") -> StyledFigure:
+    """A figure of a chart, in a style of `style.STYLES`."""
     with style(look):
-        figure = new_figure(*chart.size, look, whole)
+        figure = new_figure(*chart.size, look)
         share: dict[str, Any] = {"sharex": chart.same_x, "sharey": chart.same_y}
-        axes = figure.subplots(
-            len(chart.rows), len(chart.rows[0]), squeeze=False,
-            width_ratios=chart.wide, height_ratios=chart.high, **share,
-        )  # fmt: skip
+        shape = len(chart.rows), len(chart.rows[0])
+        axes = figure.subplots(*shape, squeeze=False, width_ratios=chart.wide, **share)
         drawn: list[tuple[Panel, Axes]] = []
         for row, places in zip(chart.rows, axes, strict=True):
             for panel, place in zip(row, places, strict=True):
@@ -88,7 +86,7 @@ def draw(chart: Chart, look: str = "screen", whole: bool = False) -> StyledFigur
             form, beside = Decades() if scale.log else None, [place for place, _ in images]
             figure.colorbar(images[-1][1], ax=beside, label=scale.label, format=form)
         if chart.title:
-            figure.suptitle(chart.title, color=chart.colour, fontsize=10)
+            figure.suptitle(chart.title, color="black", fontsize=10)
         if chart.key:
             shared = [place for panel, place in drawn if not panel.legend]
             key(figure, shared, chart.key, chart.key_at)
@@ -244,11 +242,9 @@ def _bars(axes: Axes, mark: Bars, panel: Panel, options: Mapping[str, Any]) -> N
     factor = panel.x.shown[0]
     values = factor * np.asarray(mark.values)
     rows = np.arange(len(values)) if mark.rows is None else np.asarray(mark.rows)
-    error = None if mark.error is None else factor * mark.error
     look: dict[str, Any] = {"color": mark.colour, "alpha": mark.opacity, **_name(mark)}
     left = factor * np.asarray(mark.left)
-    look |= {"left": left, "xerr": error} | dict(options)
-    drawn = axes.barh(rows + mark.shift, values, mark.height, **look)
+    drawn = axes.barh(rows + mark.shift, values, mark.height, left, **look | dict(options))
     if mark.texts:
         axes.bar_label(drawn, mark.texts, padding=3.0, fontsize=7)
         axes.margins(x=_TEXT_ROOM)

@@ -188,14 +188,10 @@ def listed(name: str) -> str:
     return f" {name}" if name.startswith("_") else name
 
 
-def new_figure(
-    width: float, height: float, look: str = "screen", whole: bool = False
-) -> StyledFigure:
-    """An empty figure of a size on screen [inches]; call it within `style`.
-
-    On paper it is scaled to a journal's column by `SIZES`, unless it is to stay `whole`.
-    """
-    factor = 1.0 if whole else SIZES[look]
+def new_figure(width: float, height: float, look: str = "screen") -> StyledFigure:
+    """An empty figure of a size on screen [inches], on paper scaled by `SIZES` to a journal's
+    column; call it within `style`."""
+    factor = SIZES[look]
     return StyledFigure(figsize=(width * factor, height * factor), look=look)
 
 

@@ -10,19 +10,12 @@ import xarray as xr
 
 from jointplay.base.errors import JointplayError, MissingName
 from jointplay.show.plots.chart import Axis, Chart, Curve, Map, Panel, Rule
-from jointplay.show.plots.draw import draw as drawn
 from jointplay.show.plots.palette import COLOURS
-from jointplay.show.plots.style import StyledFigure
 from jointplay.simulation.analysis.uncertainty import convergence, enough, interval_estimate
 from jointplay.study.sweep_plan import SAMPLE
 from jointplay.study.sweep_table import coordinate_text, label, measured, samples_of, scale, select
 
 MOST_LINES = 12  # most lines of a chart (judged)
-
-
-def draw(*args: Any, look: str = "screen", **options: Any) -> StyledFigure:
-    """The figure of a `chart` with these arguments, in a style of `style.STYLES`."""
-    return drawn(chart(*args, **options), look)
 
 
 def chart(
@@ -147,14 +140,7 @@ def _heat_map(dataset: xr.Dataset, x: str, y: str, z: str) -> Chart:
     return Chart([[panel]], (6.0, 4.4))
 
 
-def draw_convergence(
-    dataset: xr.Dataset, measure: str, precision: float = 0.05, look: str = "screen"
-) -> StyledFigure:
-    """The figure of a `convergence_chart`, in a style of `style.STYLES`."""
-    return drawn(convergence_chart(dataset, measure, precision), look)
-
-
-def convergence_chart(dataset: xr.Dataset, measure: str, precision: float = 0.05) -> Chart:
+def convergence_chart(dataset: xr.Dataset, measure: str, precision: float) -> Chart:
     """Mean and 95 % quantile of a measure over the number of runs, and how many runs suffice for a
     relative `precision`."""
     values = samples_of(dataset, measure)

@@ -279,7 +279,7 @@ class Live {
         this.runIs = element("p", {class: "soft run"});
         this.table = element("div", {class: "scroll", tabindex: 0, role: "region", "aria-label": "figures of all cases"});
         const figures = card("figures", "tool error, forces and impacts", element("h2", {}, "Figures"), this.table, this.runIs);
-        const orbit = card("orbit", "where the journal goes in its bearing: follows with the run", choice, this.charts.orbit.figure);
+        const orbit = card("orbit", "the journal's orbit in its bearing: follows with the run", choice, this.charts.orbit.figure);
         robot.classList.add("machine");
         orbit.classList.add("orbit");
         const error = card("tool error", "the tool's error over time: follows with the run", this.charts.error.figure);
@@ -364,7 +364,7 @@ class Live {
             if (tracks) painted(() => { if (this.answer.cycle === cycle) this.showPicture(tracks); });
         } else if (head.kind === "end") {
             painted(() => { timing.ended = true; });
-            if (head.superseded) this.say("another page has asked since; change a value to ask again", true);
+            if (head.superseded) this.say("another page has asked a question since; change a value to ask again", true);
             else if (!this.failed && !answer.cycle) { this.results.classList.add("refused"); this.before = null; this.showTable(); this.say("no answer"); }
             else if (!this.failed) this.say(answer.cycle.quick ? "no answer" : "exact answer");
             this.failed = false;
@@ -397,7 +397,7 @@ class Live {
         this.results.classList.add("refused");
         this.answer.refused = true;
         for (const part of this.results.children) part.classList.add("stale");
-        this.say("not computed: see the message at the value; what is shown is from before", true);
+        this.say("not computed: see the message at the value; the answers shown are older", true);
     }
 
     clearWrong() {
@@ -677,7 +677,7 @@ class Live {
         }
         this.values = values;
         for (const name of Object.keys(values)) this.showValue(name);
-        if (unknown.length) this.wrong.textContent = `the link has what this machine has not: ${unknown.join(", ")}`;
+        if (unknown.length) this.wrong.textContent = `the link names values that this machine does not have: ${unknown.join(", ")}`;
         return true;
     }
 

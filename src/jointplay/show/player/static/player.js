@@ -622,7 +622,7 @@ class Player {
 
     keepFilm() {
         if (this.recorder) { this.recorder.stop(); return; }
-        if (!window.MediaRecorder) { $("status").textContent = "this browser keeps no films"; return; }
+        if (!window.MediaRecorder) { $("status").textContent = "this browser cannot record films"; return; }
         const chunks = [], recorder = new MediaRecorder(this.canvas().captureStream(30), {mimeType: "video/webm"});
         recorder.ondataavailable = event => chunks.push(event.data);
         recorder.onstop = () => {
