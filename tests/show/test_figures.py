@@ -1,4 +1,5 @@
-"""Every figure of four machines: texts apart, inside, with units; colours that all can tell."""
+"""Every figure of four machines: texts do not overlap, stay inside, have units; colours differ for
+colour-blind readers, too."""
 
 from itertools import pairwise, product
 
@@ -54,7 +55,7 @@ MACHINES = {
 
 
 def drawn(results):
-    """Name and figure of all that is drawn of runs and of their machine."""
+    """Name and figure of everything that is drawn of runs and of their machine."""
     for name, chart in figures._charts(results):
         yield name, draw(chart)
     result = list(results.values())[-1]
@@ -170,8 +171,8 @@ SIGHT = {
     ],
 }  # fmt: skip
 TELLABLE = 20.0
-"""CIELAB distance of neighbours (judged: a tenth of that of black and white is 10; green and pink
-of equal lightness, which those who see no red confuse, are 18 apart)."""
+"""Least CIELAB distance of neighbouring colours (judged: black and white are 100 apart; green and
+pink of equal lightness, which protanopes confuse, 18)."""
 
 
 def lab(colour, sight):

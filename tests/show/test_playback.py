@@ -304,7 +304,7 @@ STRIP = """() => {
 
 
 def strip(tab, values=None):
-    """Of each column of the timeline the part that is drawn; `values` are shown, if given."""
+    """The part of each pixel column of the timeline that is drawn, of `values` if given."""
     if values is not None:
         tab.evaluate(
             """values => {
