@@ -64,9 +64,9 @@ def _row(panels: Iterable[Panel], size: tuple[float, float], **more: Any) -> Fig
 # Error budgets: bars, the coloured robot, the reachable set, the course along a motion, the map.
 
 
-def bars(budget: PlayBudget, pose: int | None = None) -> Figure:
-    """Each joint's contribution to the tool's error at a pose, by default the worst one."""
-    at = budget.worst_pose if pose is None else pose
+def bars(budget: PlayBudget) -> Figure:
+    """Each joint's contribution to the tool's error at the worst pose."""
+    at = budget.worst_pose
     rests, whole, *_ = budget.rest_positions.at(at)
     of = budget.components
     size, sizes = np.linalg.norm(whole[of]), np.linalg.norm(rests[:, of], axis=1)
@@ -148,13 +148,13 @@ def robot(mechanism: Mechanism, budget: PlayBudget, q: np.ndarray) -> Figure:
     return figure
 
 
-def reachable(budget: PlayBudget, pose: int | None = None) -> Figure:
-    """The tool's reachable set at a pose, by default the worst one, seen along z, y and x.
+def reachable(budget: PlayBudget) -> Figure:
+    """The tool's reachable set at the worst pose, seen along z, y and x.
 
     Inside it, the place of rest, and a box of all places in which friction can hold the tool. The
     sag of drives is left out.
     """
-    at = budget.worst_pose if pose is None else pose
+    at = budget.worst_pose
     angle = np.linspace(0.0, 2.0 * np.pi, 241)
     place, sag = budget.rest_positions.at(at), np.nan_to_num(budget.rest_positions.at(at).sag[:3])
     rest, ends = place.error[:3] - sag, budget.rest_positions.interval(at)[:3] - sag[:, None]
@@ -267,6 +267,8 @@ def allocation(allotment: Allocation) -> Figure:
     joints = list(dict.fromkeys(allotment.joints))
     causes = list(dict.fromkeys(choice.cause for choice in allotment.choices))
     improved, unit, total = not np.isnan(allotment.was), allotment.unit, allotment.total or 1.0
+    # Parts of the error before and after and of the cost, by cause and joint; by kind of size, each
+    # joint's bar and label; the nouns of the title.
     parts = np.zeros((3, len(causes), len(joints)))
     sizes = {"m": np.zeros(len(joints)), "arcmin": np.zeros(len(joints))}
     texts = {kind: [""] * len(joints) for kind in sizes}
@@ -286,7 +288,7 @@ def allocation(allotment: Allocation) -> Figure:
         if offer:
             noun, text = "fit" if offer.instead else "bearing class", f"{offer.name}: {text}"
         nouns[noun] = None
-        if choice.held == "most":  # a bar would dwarf those that count
+        if choice.held == "most":  # at the upper bound; its bar would dwarf the others
             text = f"any, up to {text}"
         else:
             sizes[kind][row] = size
@@ -299,7 +301,7 @@ def allocation(allotment: Allocation) -> Figure:
         if any(texts[kind])
     ]
     before, after, shares = parts
-    nameless = [""] * len(causes)
+    nameless = [""] * len(causes)  # one legend names the causes of all panels
     whole = f"{allotment.kind} {1e3 * allotment.error:.4g} m{unit}"
     look: dict[str, Any] = {"shift": 0.2, "height": 0.36} if improved else {}
     marks = _stacked(after, causes if improved else nameless, **look)
@@ -317,7 +319,7 @@ def allocation(allotment: Allocation) -> Figure:
     title += f" for an error of {allotment.mechanism.tool!r} of at most {target}"
     note = "; ".join(note for note in allotment.notes if note.startswith(("assumed", "cost")))
     inches = (2.6 + 2.8 * len(panels), 2.0 + 0.36 * len(joints))
-    look = {"key": 1, "key_at": "outside right upper"}  # above stands the title
+    look = {"key": 1, "key_at": "outside right upper"}  # the title takes the room above
     return _row(panels, inches, title=title, note=note, same_y=True, **look)
 
 
@@ -334,7 +336,7 @@ _AGREEMENT = {
 def identification(fit: Identification) -> Figure:
     """Intervals relative to the scenario's values, and predicted over measured means by kind."""
     shown = [estimate for estimate in fit.estimates if estimate.unknown.sought]
-    marks: list[Mark] = []
+    marks: list[Mark] = []  # a row for each unknown
     for row, estimate in enumerate(shown):
         scale = estimate.unknown.scale
         if estimate.reason:
@@ -345,6 +347,7 @@ def identification(fit: Identification) -> Figure:
     marks.append(Rule(1.0, "x", colour=LINE, line=":"))
     rows = Axis(rows=[estimate.label for estimate in shown])
     panels = [Panel(Axis("found / scenario", low=0.0), rows, marks)]
+    # A panel for each kind of signal, where a perfect model would lie on the diagonal.
     for kind in dict.fromkeys(kind for kind, _ in fit.observed.keys):
         axis = _AGREEMENT.get(kind, Axis("torque", "N*m"))
         means: list[Mark] = []
@@ -408,7 +411,7 @@ def _interval(row: int, low: float, high: float, value: float) -> list[Mark]:
 def calibration(fit: Calibration) -> Figure:
     """Position errors in training and on held-back poses, by model and by pose; bounds of play."""
     known = [play for play in fit.play if not play.reason]
-    groups = ((-0.2, "training", VERMILION), (0.2, "held_back", BLUE))
+    groups = ((-0.2, "training", VERMILION), (0.2, "held_back", BLUE))  # shift of bars, group, colour
     steps: list[Mark] = []
     poses: list[Mark] = []
     for shift, name, colour in groups:
