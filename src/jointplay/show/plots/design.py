@@ -411,7 +411,7 @@ def _interval(row: int, low: float, high: float, value: float) -> list[Mark]:
 def calibration(fit: Calibration) -> Figure:
     """Position errors in training and on held-back poses, by model and by pose; bounds of play."""
     known = [play for play in fit.play if not play.reason]
-    groups = ((-0.2, "training", VERMILION), (0.2, "held_back", BLUE))  # shift of bars, group, colour
+    groups = ((-0.2, "training", VERMILION), (0.2, "held_back", BLUE))
     steps: list[Mark] = []
     poses: list[Mark] = []
     for shift, name, colour in groups:
