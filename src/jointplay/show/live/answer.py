@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import time
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -35,7 +35,6 @@ from jointplay.simulation.run import Run
 from jointplay.simulation.values import values
 
 if TYPE_CHECKING:
-    from jointplay.model.mechanism import Mechanism
     from jointplay.simulation.simulation import Simulation
 
 Message = tuple[dict[str, Any], bytes]  # plain data, and the block of bytes to which it refers
@@ -371,9 +370,3 @@ def _drive_deflection(result: Result, twin: Result) -> np.ndarray | None:
     places = tool_places(mechanism, playback.centred(mechanism, np.array(result.q, float)))
     distance = places - twin["tool_position"].values[: len(places)]
     return np.asarray(np.linalg.norm(distance, axis=1))
-
-
-def look(mechanism: Mechanism, meshes: Sequence[str] = ()) -> Message:
-    """The bodies of a machine; the page receives them once."""
-    shown = playback.bodies(mechanism, meshes)
-    return shown.contents | {"notes": shown.notes}, shown.block

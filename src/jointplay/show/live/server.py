@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any
 
 from jointplay.base.errors import JointplayError, require_finite
 from jointplay.base.tables import for_json
-from jointplay.show.live.answer import look
 from jointplay.show.live.state import State
 from jointplay.show.live.workers import Workers
+from jointplay.show.player import playback
 from jointplay.show.player.pages import components, filled, static, viewer
 from jointplay.show.player.server import PORT
 from jointplay.show.player.server import serve as serve_page
@@ -43,7 +43,7 @@ def style() -> str:
 
 def contents(state: State, simulation: Simulation, title: str) -> tuple[dict[str, Any], bytes]:
     """What the front end starts from: controls, assumptions, and the bodies of the machine."""
-    bodies, block = look(simulation.mechanism)
+    bodies = playback.bodies(simulation.mechanism)
     assumed = assumed_table(simulation, state.scenario.origins(state.case))
     rows = zip(*(column.values for column in assumed.columns), strict=True)
     start = {
@@ -52,10 +52,10 @@ def contents(state: State, simulation: Simulation, title: str) -> tuple[dict[str
         "assumptions": [*state.scenario.assumptions, *state.scenario.notes],
         # Assumed values: name, value, the rule that assumed it, what another value would change.
         "assumed": [list(row) for row in rows],
-        "bodies": bodies,
+        "bodies": bodies.contents | {"notes": bodies.notes},
         "joints": list(simulation.mechanism.clearance),
     }
-    return start, block
+    return start, bodies.block
 
 
 def page(contents: Mapping[str, Any], block: bytes) -> bytes:

@@ -142,10 +142,10 @@ def build(
 # Parts of a scene, for the live page: a machine's bodies once, its motion after each change.
 
 
-def bodies(mechanism: Mechanism, meshes: Sequence[str | Path] = ()) -> Packed:
+def bodies(mechanism: Mechanism) -> Packed:
     """The surfaces of a mechanism's bodies and their placements on links."""
     packer = Packer()
-    surfaces, visuals = _Surfaces(packer), Scene(mechanism, meshes).look
+    surfaces, visuals = _Surfaces(packer), Scene(mechanism).look
     objects = surfaces.objects(visuals)
     contents = {"surfaces": surfaces.entries, "objects": objects, "reach": visuals.reach}
     notes = [f"{counted(len(visuals.missing), 'mesh', 'meshes')} not found: simple shapes instead"]

@@ -36,13 +36,6 @@ def coloured(cases: Cases) -> list[tuple[str, Result, str]]:
     return list(zip(cases, cases.values(), colours(cases), strict=True))
 
 
-def is_paper(cases: Cases) -> bool:
-    """Whether the cases are runs of the paper's robot, whose figures have the paper's numbers."""
-    return all(
-        is_paper_robot(analysis.inputs(result)["mechanism"]["urdf"]) for result in cases.values()
-    )
-
-
 def _with_start(panels: Iterable[Panel], cases: Cases) -> tuple[list[Panel], str]:
     """Panels over time with the part that is not judged shaded, and a note that says so."""
     until = max((result.judge_from for result in cases.values() if result.joints), default=0.0)
@@ -441,6 +434,7 @@ _NEEDS: dict[str, Callable[[Cases], Any]] = {
         analysis.rolls(result, joint) for result in cases.values() for joint in result.joints
     ),
 }
+"""Conditions for drawing a figure; figures without one are always drawn."""
 
 
 def _charts(cases: Cases, short: bool = False) -> Iterator[tuple[str, Chart]]:
@@ -476,7 +470,8 @@ def save(
         JointplayError: a file that is not such a figure has its name, or one cannot be written.
     """
     charts, written = list(_charts(cases, short)), []
-    paper = is_paper(cases)
+    urdfs = (analysis.inputs(result)["mechanism"]["urdf"] for result in cases.values())
+    paper = all(map(is_paper_robot, urdfs))
     # A second process draws half of them; it costs as much time as one figure.
     half = (len(charts) + 1) // 2 if len(charts) > 2 else len(charts)
     rest = partial(_drawn, charts[half:], pdf)
