@@ -65,7 +65,7 @@ def run(options: argparse.Namespace) -> int:
     table, preset = errors.table(), inputs.chosen_preset(options)
     shown, sentence = [str(replace(table, notes=()))], errors.sentence
     if whole:
-        of_class = f"what nobody gave is that of class {arguments['kind']!r}"
+        of_class = f"values that are not given are those of class {arguments['kind']!r}"
         notes = [*[of_class] * bool(errors.assumed), *notes, *table.notes]
     else:
         above = [str(errors.by_pose(poses.names))] if poses.names else []
