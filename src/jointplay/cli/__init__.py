@@ -1,4 +1,4 @@
-"""The command line: finds the module of the command that is typed, runs it, and reports errors.
+"""The command line: finds and runs the module of a command, and reports errors.
 
 Each command is a module in `commands`. An error is one line, and an exit status (`main`).
 """
