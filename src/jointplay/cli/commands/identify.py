@@ -4,7 +4,7 @@ Identify clearances, friction and gear play from measured signals, with 95 % con
 or state that this measurement cannot determine a value and which further measurement would. Means
 over stops and slow stretches are compared with the static model; readings of a dial gauge tell the
 play of single joints. With --plan: the most informative poses and motions; with --against: what has
-changed since an earlier measurement. Axes of a printer or a mill moved forth and back under a dial
+changed since an earlier measurement. Axes of a printer or a mill moved back and forth under a dial
 need no robot: jointplay identify stairs.csv. docs/identify.md lists the columns of a measurement.
 
 Example: jointplay identify my_robot.toml measured.csv --out worn
@@ -88,7 +88,7 @@ def declare(parser: Parser) -> None:
     add = parser.add_argument_group("plan").add_argument
     add("--plan", nargs="?", metavar="KIND", const="motion", choices=("motion", "dial",
         "lost-motion"), help="propose what to measure: motion, poses and motions of the robot; "
-        "dial, where to set a dial gauge and how to push; lost-motion, moves forth and back under "
+        "dial, where to set a dial gauge and how to push; lost-motion, moves back and forth under "
         "a dial, without forces")
     add("--signal", choices=("tool", "link", "torque"), **REPEATED, help="signal that can be "
         "measured besides the motors' encoders; by default tool")
