@@ -1,4 +1,4 @@
-"""Guard: step cost, accuracy, scale and start-up in a few minutes, compared with the baseline.
+"""Step cost, accuracy, scale and start-up in a few minutes, compared with a baseline.
 
 Everything is a ratio of two things measured in the same minutes on the same machine, so that the
 numbers of another machine can be compared: no seconds. What is worse than the baseline by more than

@@ -1,4 +1,4 @@
-"""How soon the live page answers: from the move of a slider to what is drawn, in a browser.
+"""How soon the live page answers, from the move of a slider to the drawing in a browser.
 
 Opens `jointplay live` for the SCARA and for the UR5 (clearance in its elbow; with --all in all six
 joints, too), moves sliders in turn, and measures in the page from the input event until the answer

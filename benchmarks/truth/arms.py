@@ -1,4 +1,4 @@
-"""What owners of arms ask in public: is each thread answered, and each robot's file read?
+"""Questions that owners of arms ask in public: is each answered, and each robot's file read?
 
 `threads/threads.toml` has thirty public threads: where it was asked, what is asked, a small input
 with the numbers that were given, the commands that a reader of the README would type, and what an

@@ -1,4 +1,4 @@
-"""How far corrected motions take the tool's error down, and where the model is wrong.
+"""How much corrected motions reduce the tool's error, also where the model is wrong.
 
 Machines with play in all joints are run with a motion as it is and as `compensate` corrects it: a
 UR5 with journals (pick and place, 6 s, 1.5 kg), the same with gears and encoders on the motors, the

@@ -1,4 +1,4 @@
-"""Does `jointplay study hunting` say what an independent integration of the same joint says?
+"""Does `jointplay study hunting` agree with an independent integration of the same joint?
 
 Fresh random joints under servos with P, PI and PID, or a catalogue's servo set by its registers;
 encoder on either side, in counts or exact, sampled or continuous, friction that creeps or with

@@ -1,4 +1,4 @@
-"""Does moving forth and back under a dial tell the lost motion, with the intervals stated?
+"""Do moves back and forth under a dial gauge give the lost motion within the stated intervals?
 
 Axes by another model than the one that is fitted: links held by friction that creeps before it
 slides (Dahl's), teeth that stiffen, screws and dials that are off in scale, machines that warm up

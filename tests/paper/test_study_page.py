@@ -1,4 +1,4 @@
-"""The page of the paper's study: what it says of the runs, and where it says that code stands."""
+"""The page of the paper's study: its numbers, and the places of code that it names."""
 
 import re
 from dataclasses import replace
