@@ -635,7 +635,7 @@ class ErrorBudget(Budget):
             for cause, (worst, _) in causes
             if worst > 0.5 * _MENTIONED * self.worst[at]
         ]
-        origins = (origin for c in self.model.contributions for _, origin in c.numbers)
+        origins = (origin for c in self.model.contributions for origin in c.numbers.values())
         kinds = dict.fromkeys(
             RULED if origin.startswith("by rule") else f"what {origin} has"
             for origin in origins

@@ -19,7 +19,7 @@ from __future__ import annotations
 import copy
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -145,7 +145,7 @@ class Contribution:
     """Relative uncertainty of `shift`, to either side."""
     origin: str = ""
     """Source of its numbers in words, such as ``its gear``."""
-    numbers: tuple[tuple[str, str], ...] = ()
+    numbers: Mapping[str, str] = field(default_factory=dict)
     """Each number as text, and its origin: ``given``, a ``class`` of robots or a ``rule``."""
     proportional: bool = True
     """Whether it is proportional to a size that can be chosen; the play of a rolling bearing or of
@@ -165,7 +165,7 @@ class Contribution:
     def by_origin(self) -> dict[str, str]:
         """The texts of `numbers`, joined, by their origin."""
         grouped: dict[str, list[str]] = {}
-        for text, origin in self.numbers:
+        for text, origin in self.numbers.items():
             grouped.setdefault(origin, []).append(text)
         return {origin: ", ".join(texts) for origin, texts in grouped.items()}
 
