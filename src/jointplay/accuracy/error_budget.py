@@ -76,6 +76,8 @@ class Budget(Answer):
     order.
     """
 
+    unit = "m"
+    """``m``, or ``rad`` of a budget of the angles by which the tool is turned."""
     mechanism: Mechanism
     q: np.ndarray
     """Configurations, (n, nq)."""
@@ -113,7 +115,7 @@ class Budget(Answer):
     @property
     def turns(self) -> Farthest:
         """Largest rotation of the tool at each pose."""
-        return self.model.turned
+        return self.model.turned if self.unit == "m" else self.farthest
 
     @property
     def worst_turn(self) -> np.ndarray:
@@ -122,8 +124,8 @@ class Budget(Answer):
 
     @property
     def components(self) -> slice:
-        """The components of an error (6,) that the budget is of: its displacement."""
-        return slice(0, 3)
+        """The components of an error (6,) that the budget is of: displacement or rotation."""
+        return slice(0, 3) if self.unit == "m" else slice(3, 6)
 
     @cached_property
     def axis_worst(self) -> np.ndarray:
@@ -166,15 +168,6 @@ class PlayBudget(Budget):
     cases, RMS and the joints' shares in them are angles."""
 
     @property
-    def components(self) -> slice:
-        """The components of an error (6,) that the budget is of: displacement or rotation."""
-        return slice(0, 3) if self.unit == "m" else slice(3, 6)
-
-    @property
-    def turns(self) -> Farthest:
-        return super().turns if self.unit == "m" else self.farthest
-
-    @property
     def joints(self) -> tuple[str, ...]:
         return self.model.names
 
@@ -189,13 +182,14 @@ class PlayBudget(Budget):
         total = self.worst_parts.sum(axis=1, keepdims=True)
         return np.asarray(self.worst_parts / np.maximum(total, 1e-300))
 
-    @property
+    @cached_property
     def alone(self) -> np.ndarray:
         """Largest distance of the tool if only this joint had play, shape (n, j) [m].
 
         It is along the joint's own worst direction, `worst_parts` along that of all together.
         """
-        return self.model.alone.T
+        sizes = [self.model.subset([k]).farthest().size for k in range(len(self.joints))]
+        return np.array(sizes).T
 
     @property
     def sentence(self) -> str:

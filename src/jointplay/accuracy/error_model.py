@@ -404,12 +404,6 @@ class ErrorModel:
                 break
         return d
 
-    @cached_property
-    def alone(self) -> np.ndarray:
-        """Largest distance of the tool by each contribution alone, shape (k, n) [m]."""
-        sizes = [self.subset([k]).farthest().size for k in range(len(self.contributions))]
-        return np.array(sizes)
-
     def _states(self, loads: np.ndarray) -> States:
         """The states farthest along loads (k, n, m, 6) of any unit."""
         value, point = self._reached(loads)
