@@ -29,7 +29,7 @@ from jointplay.accuracy import jacobians, loop_play
 from jointplay.base.errors import JointplayError, NothingHasPlay, require_whole
 from jointplay.model.mechanism import Mechanism
 from jointplay.physics.joints.fits import Fit
-from jointplay.physics.joints.play import DRAWS, Cone, Cones, JournalPlay, Play, Support
+from jointplay.physics.joints.play import DRAWS, FAR, Cone, Cones, JournalPlay, Play, Support
 from jointplay.simulation.loads import Load
 
 DIRECTIONS = 180
@@ -68,7 +68,7 @@ class Line(Play):
         return Cones(np.array(self.amplitude)[:, None], (Cone(np.eye(1), np.zeros(1), 1.0),))
 
     def support(self, loads: np.ndarray) -> Support:
-        along = np.asarray(loads, float).reshape(-1, 6) @ self.amplitude
+        along = loads @ self.amplitude
         return Support(np.abs(along), np.sign(along)[:, None] * np.array(self.amplitude))
 
     def draw(self, random: np.random.Generator, count: int) -> np.ndarray:
@@ -100,7 +100,6 @@ class Box(Play):
         return Cones(axes, tuple(Cone(row[None], np.zeros(len(rows)), 1.0) for row in rows))
 
     def support(self, loads: np.ndarray) -> Support:
-        loads = np.asarray(loads, float).reshape(-1, 6)
         return Support(np.abs(loads) @ self.half, np.array(self.half) * np.sign(loads))
 
     def draw(self, random: np.random.Generator, count: int) -> np.ndarray:
@@ -124,7 +123,7 @@ class Tilt(Play):
         return 0.0, self.size
 
     def support(self, loads: np.ndarray) -> Support:
-        moment = np.asarray(loads, float).reshape(-1, 6)[:, 3:5]
+        moment = loads[:, 3:5]
         point = np.zeros((len(moment), 6))
         point[:, 3:5] = self.size * toward(moment, np.zeros_like(moment))
         return Support(self.size * np.linalg.norm(moment, axis=1), point)
@@ -464,7 +463,7 @@ class ErrorModel:
             play = contribution.set
             if not isinstance(play, JournalPlay) or not math.isinf(play.along):
                 continue
-            far = np.abs(at[..., 2]) > 0.5 * loop_play.FAR * play.across
+            far = np.abs(at[..., 2]) > 0.5 * FAR * play.across
             if (far & (np.abs(errors[..., :3]).max(axis=-1) > play.across)).any():
                 raise JointplayError(
                     f"nothing limits the journal of {contribution.name!r} along its axis, and the "
