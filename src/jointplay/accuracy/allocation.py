@@ -25,7 +25,7 @@ from jointplay.accuracy.causes import (
 )
 from jointplay.accuracy.cheapest import COSTS, Error, Key, Problem, Sizes
 from jointplay.accuracy.cures import KNOWN
-from jointplay.accuracy.error_budget import budget, holding_drives
+from jointplay.accuracy.error_budget import LISTED, budget, holding_drives
 from jointplay.accuracy.error_model import Contribution, ErrorModel, play_model
 from jointplay.accuracy.jacobians import GEAR, configurations, with_force
 from jointplay.accuracy.robot_errors import RobotErrors
@@ -80,8 +80,6 @@ the cuts where the error is not convex (judged)."""
 _SETTLED = 1e-3
 """Relative change of sizes below which plays need not be computed anew: their second order then
 changes by a thousandth of itself (judged)."""
-_LISTED = 2e-3
-"""Part of the error below which a cause has no line of its own: less than a rounded percent."""
 
 
 @dataclass(frozen=True)
@@ -273,7 +271,7 @@ class Allocation(Answer):
 
     def table(self) -> Table:
         """A row for each choice; of causes those that matter, the first to be bought first."""
-        small = [abs(c.before) <= _LISTED * self.was and not c.order for c in self.choices]
+        small = [abs(c.before) <= LISTED * self.was and not c.order for c in self.choices]
         listed = [choice for choice, left in zip(self.choices, small, strict=True) if not left]
         if not np.isnan(self.was):
             listed.sort(key=lambda choice: (choice.order == 0, -choice.before))

@@ -51,8 +51,8 @@ from jointplay.simulation.loads.drive import (
     urdf_friction,
 )
 
-_LISTED = 2e-3
-"""Part of the worst case below which a contribution has no line of its own."""
+LISTED = 2e-3
+"""Part of the error below which a cause has no line of its own: less than a rounded percent."""
 _ON_ARCS = 0.02
 """Part of the worst case by which the exact kinematics may differ without a note: it leaves two of
 its three digits (judged)."""
@@ -204,7 +204,7 @@ class PlayBudget(Budget):
         if not self.worst[at] and not self.worst_turn.any():
             return f"No play moves the tool {self.tool!r}; {resting}"
         most = int(self.shares.argmax())
-        part = "all" if self.shares[most] > 1.0 - _LISTED else f"{100 * self.shares[most]:.0f} %"
+        part = "all" if self.shares[most] > 1.0 - LISTED else f"{100 * self.shares[most]:.0f} %"
         source = f"{part} of it by {self.joints[most]}"
         if self.unit == "rad":
             rest = self.rest_positions.at(at)
@@ -605,7 +605,7 @@ class ErrorBudget(Budget):
         for i, contribution in enumerate(self.model.contributions):
             same.setdefault((contribution.joint, contribution.cause), []).append(i)
         parts = {key: float(self.worst_parts[at, indices].sum()) for key, indices in same.items()}
-        small = [part for part in parts.values() if part <= _LISTED * worst]
+        small = [part for part in parts.values() if part <= LISTED * worst]
         rows: list[tuple] = []
         for key in sorted(same, key=lambda key: -parts[key])[: len(parts) - len(small)]:
             gain, less = self.halved(*same[key])
@@ -776,12 +776,11 @@ def budget(
         if relative_to is not None:
             check_body(mechanism, relative_to)
         q = configurations(mechanism, poses, driven)
-        known, about = RobotErrors() if errors is None else errors, (driven, relative_to)
         mechanism, model = cause_model(
-            mechanism, q, acting, named(causes), known, kind, remaining or {}, *about,
-            drives, payloads,
+            mechanism, q, acting, named(causes), RobotErrors() if errors is None else errors, kind,
+            remaining or {}, driven, relative_to, drives, payloads,
         )  # fmt: skip
-        seen = *about, _positions(mechanism, q, relative_to)
+        seen = driven, relative_to, _positions(mechanism, q, relative_to)
         return ErrorBudget(
             mechanism, q, model, np.array(force, float), *seen, model.farthest(),
             *given_and_assumed(model),
@@ -826,18 +825,9 @@ def budget(
         more = _second_order(model, outwards)
     push = np.array(force, float)
     rest = RestPositions(
-        mechanism,
-        q,
-        of_places.middle,
-        push,
-        acting,
-        driven,
-        friction,
-        drives,
-        losses,
-        more,
+        mechanism, q, of_places.middle, push, acting, driven, friction, drives, losses, more,
         relative_to,
-    )
+    )  # fmt: skip
     if rest.regulated and not mechanism.loops:  # their links are held still
         rest = replace(rest, second_order=_second_order(rest.unregulated(of_places), outwards))
     seen = driven, relative_to, _positions(mechanism, q, relative_to)

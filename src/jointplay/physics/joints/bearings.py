@@ -826,15 +826,10 @@ class RollingBearing(WholeLawJoint):
         return 0.05 * self.d_element
 
     @property
-    def span(self) -> float:
-        """Axial distance of the rows' centres [m]."""
-        places = [h for h, _ in self.row_places]
-        return max(places) - min(places)
-
-    @property
     def outline(self) -> Outline:
         across, along, _ = self._reach
-        half = 0.5 * (self.span + (self.row_width or self.d_element))
+        places = [h for h, _ in self.row_places]
+        half = 0.5 * (max(places) - min(places) + (self.row_width or self.d_element))
         radius = 0.5 * self.d_pitch
         return Outline("cylinder", (radius, radius, half), (across, across, along), walls=True)
 
