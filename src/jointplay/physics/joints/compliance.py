@@ -76,10 +76,6 @@ class _Held(base.WholeLawJoint):
         return ContactProperties(float(np.diag(self.elasticity.stiffness)[:2].max()), 1.0)
 
     @property
-    def clearances(self) -> dict[str, float]:
-        return {}
-
-    @property
     def radial_travel(self) -> float:
         return 0.0
 
