@@ -254,12 +254,10 @@ def parts_of_seat(joint: base.Clearance) -> SeatParts | None:
 def _solid(outline: base.Outline, half: np.ndarray) -> tuple[float, np.ndarray]:
     """Volume [m^3] and moments of inertia at density 1 [m^5] of a body with these half extents."""
     x, y, z = half
-    if outline.form == "ball":
-        volume = 4.0 / 3.0 * math.pi * x * y * z
-        return volume, volume / 5.0 * np.array([y * y + z * z, x * x + z * z, x * x + y * y])
-    if outline.form == "block":
-        volume = 8.0 * x * y * z
-        return volume, volume / 3.0 * np.array([y * y + z * z, x * x + z * z, x * x + y * y])
-    volume = 2.0 * math.pi * x * y * z
-    across = x * x / 4.0 + z * z / 3.0
-    return volume, volume * np.array([across, across, x * x / 2.0])
+    if outline.form == "cylinder":
+        volume = 2.0 * math.pi * x * y * z
+        across = x * x / 4.0 + z * z / 3.0
+        return volume, volume * np.array([across, across, x * x / 2.0])
+    whole, part = (4.0 / 3.0 * math.pi, 5.0) if outline.form == "ball" else (8.0, 3.0)
+    volume = whole * x * y * z
+    return volume, volume / part * np.array([y * y + z * z, x * x + z * z, x * x + y * y])
