@@ -767,14 +767,14 @@ def budget(
     if poses is None:
         standing = poses_of(mechanism)
         mechanism, poses, driven = standing.mechanism, standing.q, driven or standing.driven
+    if relative_to is not None:
+        check_body(mechanism, relative_to)
     drives = holding_drives(mechanism, drive)
     acting = with_force(mechanism, force, loads)
     losses = urdf_friction(mechanism) | dict(joint_friction or {})
     if causes is not None:
         if friction is not None:
             raise JointplayError("friction is for play alone: leave out friction or causes")
-        if relative_to is not None:
-            check_body(mechanism, relative_to)
         q = configurations(mechanism, poses, driven)
         mechanism, model = cause_model(
             mechanism, q, acting, named(causes), RobotErrors() if errors is None else errors, kind,

@@ -578,8 +578,6 @@ def play_model(
     The arguments are those of `budget`. Mechanisms with closed loops, whose plays may constrain
     each other, are accepted only with `loops`.
     """
-    if relative_to is not None:
-        jacobians.check_body(mechanism, relative_to)
     if mechanism.loops and not loops:
         raise JointplayError(
             f"loop {next(iter(mechanism.loops))!r}: this works only for robots without closed "

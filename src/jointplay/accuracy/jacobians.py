@@ -86,8 +86,7 @@ def jacobians(
         pin.computeJointJacobians(mechanism.model, mechanism.data, row)
         tool = tool_place(mechanism, row)
         pin.centerOfMass(mechanism.model, mechanism.data, row, True)
-        in_tree = [(j, name) for j, name in enumerate(joints) if name not in mechanism.loops]
-        places = {j: place(mechanism, name) for j, name in in_tree}
+        places = {j: place(mechanism, n) for j, n in enumerate(joints) if n not in mechanism.loops}
         pushes = acting.wrenches(mechanism, row)
         for j, at in places.items():
             moves[j, i], borne[j, i] = _of_joint(mechanism, at, tool, pushes, relative_to)
