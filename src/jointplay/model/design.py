@@ -708,14 +708,14 @@ def seat_of_joint(
         elements.set_end(element, "child", bush)
         _put_bush(root, bush, parts, turn)
         elements.put(root, "link", name=bed)
-        elements.put_fixed(root, mount, bush, bed, turn)
-        elements.put_fixed(root, f"{name}{SEAT}{_BED}", bed, entry.child, turn.inverse())
+        elements.put_joint(root, mount, bush, bed, turn)
+        elements.put_joint(root, f"{name}{SEAT}{_BED}", bed, entry.child, turn.inverse())
     else:
         place = elements.place_of(element)
         for origin in element.findall("origin"):
             element.remove(origin)
         _put_bush(root, bush, parts)
-        elements.put_fixed(root, mount, entry.parent, bush, place * turn)
+        elements.put_joint(root, mount, entry.parent, bush, place * turn)
         elements.set_end(element, "parent", bush)
         element.append(elements.origin_of(turn.inverse()))
     return read_again(description, root, "seat", bush, mount, bed)
@@ -734,7 +734,7 @@ def seat_of_loop(
     side = "journal" if joint.exchanged else "bearing"
     link, place = getattr(loop, f"{side}_link"), getattr(loop, side)
     _put_bush(root, bush, parts)
-    elements.put_fixed(root, mount, link, bush, place)
+    elements.put_joint(root, mount, link, bush, place)
     zero = (0.0, 0.0, 0.0)
     changes: dict[str, Any] = {f"{side}_link": bush, f"{side}_xyz": zero, f"{side}_rpy": zero}
     return read_again(description, root, "seat", bush, mount), replace(loop, **changes)

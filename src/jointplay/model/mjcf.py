@@ -34,7 +34,7 @@ from jointplay.base.files import begins, is_file, read_text
 from jointplay.base.imports import extra
 from jointplay.base.tables import few
 from jointplay.model import urdf
-from jointplay.model.elements import Element, document, origin_of, put, put_fixed, put_inertial
+from jointplay.model.elements import Element, document, put, put_inertial, put_joint, put_shape
 
 WIDEST_PLAY = 0.1
 """Range of a second hinge about the same axis up to which it is the play of the first [rad]."""
@@ -738,7 +738,7 @@ class _Reading:
             parent, place = child, anchor.inverse()
         link = put(root, "link", name=name)
         if parent != name:
-            put_fixed(root, _unused(f"{name}_fixed", self.names), parent, name, place)
+            put_joint(root, _unused(f"{name}_fixed", self.names), parent, name, place)
         if inertias[body].mass > 0.0:
             put_inertial(link, inertias[body])
         self._put_shapes(link, body)
@@ -749,7 +749,7 @@ class _Reading:
                 frame = _unused(site, self.names)
                 put(root, "link", name=frame)
                 at = placed(model.site_pos[s], model.site_quat[s])
-                put_fixed(root, _unused(f"{frame}_fixed", self.names), name, frame, at)
+                put_joint(root, _unused(f"{frame}_fixed", self.names), name, frame, at)
 
     def _put_joint(
         self, root: Element, joint: int, parent: str, child: str, place: pin.SE3
@@ -761,16 +761,13 @@ class _Reading:
             kind = "floating"
         elif self.types[joint] == kinds.mjJNT_SLIDE:
             kind = "prismatic"
-        element = put(root, "joint", name=self.joint_names[joint], type=kind)
         if kind != "floating":  # zero is where MuJoCo's coordinate is zero
             zero = -float(model.qpos0[model.jnt_qposadr[joint]]) * axis
             still = np.zeros(3)
             place = place * (
                 pin.SE3(np.eye(3), zero) if kind == "prismatic" else pin.SE3(pin.exp3(zero), still)
             )
-        element.append(origin_of(place))
-        put(element, "parent", link=parent)
-        put(element, "child", link=child)
+        element = put_joint(root, self.joint_names[joint], parent, child, place, kind)
         if kind == "floating":
             return
         put(element, "axis", xyz=axis)
@@ -804,11 +801,9 @@ class _Reading:
             tags += ["collision"] * bool(model.geom_contype[g] or model.geom_conaffinity[g])
             material = int(model.geom_matid[g])
             colour = model.geom_rgba[g] if material < 0 else model.mat_rgba[material]
-            for place, tag, sizes in self._shapes(int(g)):
+            for place, form, sizes in self._shapes(int(g)):
                 for role in tags:
-                    shape = put(link, role)
-                    shape.append(origin_of(place))
-                    put(put(shape, "geometry"), tag, **sizes)
+                    shape = put_shape(link, role, place, form, **sizes)
                     if role == "visual":
                         looks = put(shape, "material", name=" ".join(f"{x:.3g}" for x in colour))
                         put(looks, "color", rgba=colour)
