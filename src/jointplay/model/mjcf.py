@@ -282,12 +282,6 @@ class _Mesh:
     """Pose of the mesh in the frame of the geom, if MuJoCo does not compile the mesh."""
 
 
-def asset_path(spec: Any, path: Path, folder: str, file: str) -> Path:
-    """Path of a file that an MJCF names, in its `folder` for meshes or textures."""
-    name = Path(file).name if spec.strippath else file
-    return Path(spec.modelfiledir or path.parent) / folder / name
-
-
 def _lighten(spec: Any, path: Path) -> list[tuple[Any, _Mesh]]:
     """Take out of a spec all that no body's inertia depends on: meshes, textures and the like.
 
@@ -299,6 +293,7 @@ def _lighten(spec: Any, path: Path) -> list[tuple[Any, _Mesh]]:
     kinds, shapes = load_mujoco().mjtGeom, load_mujoco().mjtGeomInertia
     spec.compiler.discardvisual = spec.compiler.fusestatic = False
     meshes = {mesh.name or Path(mesh.file).stem: mesh for mesh in spec.meshes}
+    folder = Path(spec.modelfiledir or path.parent) / spec.meshdir
     needed, shown = set(), []
     for geom in list(spec.geoms):
         if geom.hfieldname:  # terrain
@@ -308,12 +303,12 @@ def _lighten(spec: Any, path: Path) -> list[tuple[Any, _Mesh]]:
         name, mesh = geom.meshname, meshes.get(geom.meshname)
         if mesh is None:
             raise JointplayError(f"a geom of body {geom.parent.name!r} has no mesh {name!r}")
-        file = asset_path(spec, path, spec.meshdir, mesh.file) if mesh.file else None
-        place = pin.SE3(_rotation(mesh.refquat), np.array(mesh.refpos)).inverse()
-        if file is not None:
-            shown.append((geom, name, _Mesh(str(file), np.array(mesh.scale), place)))
+        file = folder / (Path(mesh.file).name if spec.strippath else mesh.file)
+        if mesh.file:
+            place = placed(mesh.refpos, mesh.refquat).inverse()
+            shown.append((geom, _Mesh(str(file), np.array(mesh.scale), place)))
         if _gives_inertia(spec, geom):
-            if file is not None and (not is_file(file) or begins(file, _LFS)):
+            if mesh.file and (not is_file(file) or begins(file, _LFS)):
                 raise JointplayError(
                     f"body {geom.parent.name!r} takes its inertia from the mesh {str(file)!r}, "
                     "which is missing: put it there, or give the body an <inertial>"
@@ -329,7 +324,7 @@ def _lighten(spec: Any, path: Path) -> list[tuple[Any, _Mesh]]:
     unread = [*spec.textures, *spec.skins, *spec.hfields]
     for unused in [*unread, *(mesh for name, mesh in meshes.items() if name not in needed)]:
         spec.delete(unused)
-    return [(g, mesh) for g, _, mesh in shown]
+    return shown
 
 
 def _gives_inertia(spec: Any, geom: Any) -> bool:
@@ -350,15 +345,10 @@ def _gives_inertia(spec: Any, geom: Any) -> bool:
     return moves
 
 
-def _rotation(quaternion: Any) -> np.ndarray:
-    """Rotation matrix of MuJoCo's quaternion, w first."""
-    w, x, y, z = np.asarray(quaternion) / np.linalg.norm(quaternion)
-    return pin.Quaternion(w, x, y, z).toRotationMatrix()
-
-
 def placed(position: Any, quaternion: Any) -> pin.SE3:
     """Pose by MuJoCo's position and quaternion, w first."""
-    return pin.SE3(_rotation(quaternion), np.array(position))
+    w, x, y, z = np.asarray(quaternion) / np.linalg.norm(quaternion)
+    return pin.SE3(pin.Quaternion(w, x, y, z).toRotationMatrix(), np.array(position))
 
 
 @dataclass(frozen=True)
