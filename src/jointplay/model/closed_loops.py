@@ -235,8 +235,8 @@ def opening(mechanism: Mechanism, moved: int, twist: np.ndarray) -> np.ndarray:
 
 def own_opening(mechanism: Mechanism, loop: str) -> np.ndarray:
     """Openings of all loops per displacement of the journal of `loop` in its bearing, (rows, 6)."""
-    blocks = [-np.eye(6) if c.name == loop else np.zeros((6, 6)) for c in closures(mechanism)]
-    rows = [part[c.rows] for part, c in zip(blocks, closures(mechanism), strict=True)]
+    still, moved = np.zeros((6, 6)), -np.eye(6)
+    rows = [(moved if c.name == loop else still)[c.rows] for c in closures(mechanism)]
     return np.concatenate([np.zeros((0, 6)), *rows])
 
 

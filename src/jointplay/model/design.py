@@ -54,7 +54,7 @@ from jointplay.model.urdf import (
     Description,
     read_again,
 )
-from jointplay.model.vocabulary import WORDS
+from jointplay.model.vocabulary import WORDS, numbers
 from jointplay.model.xacro import Value
 from jointplay.physics.joints import (
     JOINT_WORDS,
@@ -335,7 +335,6 @@ def _seated(
 # From a URDF to the Pinocchio model that is simulated.
 
 _FLOATING = "JointModelFreeFlyer"
-_URDF_FLOATING, _URDF_FIXED = "floating", "fixed"
 
 _SAME_MASS = 1e-9
 """Relative difference of masses up to which they agree: rounding."""
@@ -368,7 +367,7 @@ def parse(description: Description, released: Collection[str] = ()) -> pin.Model
     root = description.elements()
     for joint in root.findall("joint"):
         if joint.get("name") in released:
-            joint.set("type", _URDF_FLOATING)
+            joint.set("type", "floating")
         limit = joint.find("limit")
         if limit is None and joint.get("type") not in LIMITED:
             continue
@@ -603,15 +602,13 @@ def _axis(
     """
     name, kind = source.names[index], source.joints[index].shortname()
     if (  # floating in the URDF, or fixed and released: z by definition
-        kind == _FLOATING
-        and stated is not None
-        and {_URDF_FLOATING, _URDF_FIXED} & {*stated.replaces}
+        kind == _FLOATING and stated is not None and {"floating", "fixed"} & {*stated.replaces}
     ):
         return np.array([0.0, 0.0, 1.0]), False
     axis = single_axis(source, data, index)
     if axis is None:
         remedy = (
-            f"a floating joint can only be {' or '.join(replacing(_URDF_FLOATING))}, with clearance"
+            f"a floating joint can only be {' or '.join(replacing('floating'))}, with clearance"
             if kind == _FLOATING
             else "only revolute, continuous and prismatic joints are supported"
         )
@@ -697,9 +694,7 @@ def seat_of_joint(
     element = next(e for e in root.findall("joint") if e.get("name") == name)
     axis = np.array([0.0, 0.0, 1.0])
     if element.get("type") not in NO_AXIS:
-        stated = element.find("axis")
-        text = "1 0 0" if stated is None else str(stated.get("xyz", "1 0 0"))
-        axis = np.array([float(x) for x in text.split()])
+        axis = np.array(numbers(element.find("axis"), "xyz", "axis", 3, "1 0 0"))
         axis /= np.linalg.norm(axis)
     turn = pin.SE3(z_to(axis), np.zeros(3))
     bush, mount, bed = (f"{name}{part}" for part in (BUSH, SEAT, _BED))

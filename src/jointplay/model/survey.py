@@ -12,7 +12,7 @@ import pinocchio as pin
 
 from jointplay.base.errors import JointplayError
 from jointplay.base.files import is_file
-from jointplay.base.tables import aligned, wrapped
+from jointplay.base.tables import aligned, few, wrapped
 from jointplay.model.formats import urdf_text
 from jointplay.model.inertias import ALL, impossible_inertias
 from jointplay.model.massless import massless_links, massless_motions
@@ -66,7 +66,7 @@ class Survey:
             (self.unphysical, "physically impossible inertia, must be allowed: {}"),
             (self.mimics, "joints that follow others: {}"),
         )
-        lines = tuple(text.format(_list(names)) for names, text in remarks if names)
+        lines = tuple(text.format(few(list(names), 4)) for names, text in remarks if names)
         lines += self.doubts
         if not self.moving:
             lines = ("has no joint that moves: nothing can be simulated", *lines)
@@ -173,8 +173,3 @@ def _joints(description: Description, names: Iterable[str]) -> list[tuple[str, .
         ends = (entry.kind, entry.parent, entry.child)
         rows.append((name, *ends, position, speed, effort, "; ".join(more)))
     return rows
-
-
-def _list(names: tuple[str, ...], most: int = 4) -> str:
-    more = f" and {len(names) - most} more" if len(names) > most else ""
-    return ", ".join(names[:most]) + more

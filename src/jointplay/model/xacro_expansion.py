@@ -307,16 +307,11 @@ def _misread(text: str) -> bool:
         return True
 
 
-def _causes(error: Any) -> Iterator[Any]:
-    """An error of the library, and the errors that it wraps, outermost first."""
-    while isinstance(error, Exception):
-        yield error
-        error = getattr(error, "exc", None)
-
-
 def _fault(error: Exception, path: str, arguments: _Arguments, xacro: Any) -> str:
     """Message on an error, with the included file and the macro in which it came up."""
-    *_, cause = _causes(error)
+    cause: Any = error
+    while isinstance(wrapped := getattr(cause, "exc", None), Exception):
+        cause = wrapped
     name = arguments.missing
     if name and cause.args == (name,):
         text = f"argument {name!r} has no value: give it by --xacro {name}:=VALUE"
