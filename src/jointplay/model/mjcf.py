@@ -497,13 +497,12 @@ class _Reading:
             else:
                 by_joint.setdefault(int(model.actuator_trnid[i, 0]), []).append(i)
         for joint, actuators in by_joint.items():
-            alone = len(actuators) == 1
             cut = any(model.actuator_forcelimited[i] or self._clamps(i) for i in actuators)
-            if not alone and cut:
+            if cut and len(actuators) > 1:
                 for i in actuators:
                     self._leave("several actuators with limits on one joint", i)
-                continue
-            yield joint, self._servo(joint, actuators)
+            else:
+                yield joint, self._servo(joint, actuators)
 
     def _not_acted_on(self) -> Iterator[int]:
         """Joints on which no actuator acts, in a robot with actuators: they are free in MuJoCo."""
@@ -879,15 +878,13 @@ class _Reading:
                 "the usual drives hold them, or follow a motion"
             )
         yield from self.remarks
-        ranges = [model.jnt_range[j] for j in self.joints]
-        turned = [
-            named[j]
-            for j, (low, high) in zip(self.joints, ranges, strict=True)
-            if low > high and not model.jnt_limited[j]
-        ]
-        if turned:
+        falling = model.jnt_range[:, 0] > model.jnt_range[:, 1]
+        if turned := [named[j] for j in self.joints if falling[j] and not model.jnt_limited[j]]:
             yield f"note: a range from above to below is none in MuJoCo: {few(turned)}"
-        tendons = sum(play.hinge in self._wrapped() for play in self.play.values())
+        hinges = [play.hinge for play in self.play.values()]
+        alone = model.tendon_adr[model.tendon_num == 1]
+        alone = alone[model.wrap_type[alone] == self.mujoco.mjtWrap.mjWRAP_JOINT]
+        tendons = sum(hinge in model.wrap_objid[alone] for hinge in hinges)
         left = {
             "contacts": any(model.geom_contype) or any(model.geom_conaffinity),
             "tendons": model.ntendon > tendons,
@@ -901,7 +898,14 @@ class _Reading:
                 for name, rows in (("dof_damping", model.nv), ("jnt_stiffness", model.njnt))
             ),
         }
-        for group, joints in self._of_which_little_is_read().items():
+        ball, free = self.mujoco.mjtJoint.mjJNT_BALL, self.mujoco.mjtJoint.mjJNT_FREE
+        all_joints = (j for i in self.bodies for j in self._joints(i))
+        groups = {
+            "balls": [j for j in self.joints if self.types[j] == ball],
+            "the free base": [j for j in all_joints if self.types[j] == free],
+            "hinges of play": hinges,
+        }
+        for group, joints in groups.items():
             for word, array in _BESIDE.items():
                 left[f"{word} of {group}"] = any(self._has(array, j) for j in joints)
         # The limits of a hinge of play are the play; its armature is the rotor's, if the joint has
@@ -924,29 +928,11 @@ class _Reading:
         if unread:
             yield f"note: not read of the MJCF: {', '.join(unread)}"
 
-    def _of_which_little_is_read(self) -> dict[str, list[int]]:
-        """Joints whose losses, springs and limits are not read, by a word for what they are."""
-        ball, free = self.mujoco.mjtJoint.mjJNT_BALL, self.mujoco.mjtJoint.mjJNT_FREE
-        return {
-            "balls": [j for j in self.joints if self.types[j] == ball],
-            "the free base": [
-                j for i in self.bodies for j in self._joints(i) if self.types[j] == free
-            ],
-            "hinges of play": [play.hinge for play in self.play.values()],
-        }
-
     def _has(self, array: str, joint: int) -> bool:
         """Whether a joint's entry in a compiled array, by joint or by freedom, is not zero."""
         values = getattr(self.model, array)
         row = joint if array.startswith("jnt") else self._dof(joint)
         return bool(values.reshape(len(values), -1)[row, 0])
-
-    def _wrapped(self) -> set[int]:
-        """Joints that have a tendon for themselves."""
-        model = self.model
-        alone = model.tendon_adr[model.tendon_num == 1]
-        joints = model.wrap_type[alone] == self.mujoco.mjtWrap.mjWRAP_JOINT
-        return set(map(int, model.wrap_objid[alone][joints]))
 
 
 def _stop(solref: Any, solimp: Any, inertia: float) -> tuple[float, float]:

@@ -125,21 +125,17 @@ def survey(place: str | Path, xacro: Mapping[str, Value] | None = None) -> Surve
     followers = tuple(n for n in moving if n in following)
     doubtful = tuple(doubts(root))
     unphysical = tuple(impossible_inertias(root))
+    mechanism, serial, problem = None, False, ""
+    massless: tuple[str, ...] = ()
     try:
         mechanism = Mechanism(parse(text, path, [ALL]), allow_unphysical=[ALL])
-    except JointplayError as error:
-        why = str(error)
-        return Survey(name, path, moving, False, unphysical, followers, (), why, doubtful)
-    moving = {n: moving[n] for n in mechanism.coordinates}
-    still = pin.neutral(mechanism.model)
-    massless: tuple[str, ...] = ()
-    problem = ""
-    try:
+        serial = mechanism.description.serial
+        moving = {n: moving[n] for n in mechanism.coordinates}
+        still = pin.neutral(mechanism.model)
         free = massless_motions(mechanism, still) if moving else np.zeros((0, 0))
         massless = tuple(massless_links(mechanism, still, free).values())
     except JointplayError as error:
         problem = str(error)
-    serial = mechanism.description.serial
     return Survey(
         *(name, path, moving, serial, unphysical, followers, massless, problem, doubtful),
         mechanism,

@@ -452,7 +452,7 @@ class Scenario(Overview):
         if self.settings:
             facts["settings"] = few([dotted(setting.key) for setting in self.settings])
         if self.sweep:
-            facts["sweep"] = few([key for key in self.sweep])
+            facts["sweep"] = few(list(self.sweep))
         for number, line in enumerate(self.assumptions, 1):
             facts[f"assumed {number}"] = line
         return f"{self.path.name}, {self.title}", facts
@@ -478,13 +478,10 @@ class Scenario(Overview):
                 "which joints have play and how it moves: jointplay init writes one to start from"
             )
         scenario = cls(read_text(Path(path), "scenario"), path, settings)
-        for data in (scenario._base, *scenario._changes.values()):
+        for case in (None, *scenario._changes):
             try:
-                ask_scales(Model, data)
+                ask_scales(Model, scenario._base if case is None else scenario._changes[case])
             except JointplayError as error:
-                case = next(
-                    (c for c, changes in scenario._changes.items() if changes is data), None
-                )
                 raise scenario.error(error.where, str(error), case) from None
         return scenario
 
