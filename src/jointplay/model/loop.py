@@ -67,12 +67,6 @@ PROXIMAL = pin.ProximalSettings(1e-12, 1e-10, 10)
 be redundant."""
 
 
-def refuse_name(name: str, joints: Collection[str]) -> None:
-    """Raise if a loop has the name of one of the URDF's `joints`."""
-    if name in joints:
-        raise JointplayError(f"loop {name!r} has the name of a joint of the URDF")
-
-
 @dataclass(frozen=True)
 class Loop(Described):
     """A joint between two links that closes a loop, by the frames of its bearing and journal.
@@ -465,14 +459,13 @@ def consistent_velocity(
     q: np.ndarray,
     v: np.ndarray,
     held: Sequence[int],
-    led: Sequence[int] | None = None,
+    led: Sequence[int],
 ) -> np.ndarray:
     """Velocity nearest to v with which all loops stay closed, journals resting in their bearings.
 
     Coordinates that are `held` keep their speeds in v. Where no velocity satisfies all closures, as
     where journals lean or speeds are given for too many coordinates, journals move as little as
-    needed: bearings hold them by contact only. The `led` among `held` (None: all of them) follow a
-    reference.
+    needed: bearings hold them by contact only. The `led` among `held` follow a reference.
 
     Raises:
         JointplayError: the given speeds would tear apart a loop without clearance, or references
@@ -497,7 +490,7 @@ def consistent_velocity(
     if gap_rate <= limit:
         return moved
     torn = f"the initial speeds would tear a loop apart at {gap_rate:.3g} m/s: "
-    if moving(all_rows, held if led is None else led)[1] > limit:
+    if moving(all_rows, led)[1] > limit:
         raise JointplayError(f"{torn}the driven joints cannot move like this in this configuration")
     ideal = set(mechanism.loops) - set(mechanism.clearance)
     moved, gap_rate = moving(closing_rows(mechanism, q, ideal), held)
@@ -566,12 +559,7 @@ class Lock:
 
     @classmethod
     def between(
-        cls,
-        name: str,
-        freedoms: tuple[str, ...],
-        model: pin.Model,
-        bearing: Frame,
-        journal: Frame,
+        cls, name: str, freedoms: tuple[str, ...], model: pin.Model, bearing: Frame, journal: Frame
     ) -> Lock:
         """Lock of the loop `name`, whose joint leaves `freedoms`, between two frames of `model`.
 

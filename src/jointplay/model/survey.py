@@ -137,8 +137,7 @@ def survey(place: str | Path, xacro: Mapping[str, Value] | None = None) -> Surve
     except JointplayError as error:
         problem = str(error)
     return Survey(
-        *(name, path, moving, serial, unphysical, followers, massless, problem, doubtful),
-        mechanism,
+        *(name, path, moving, serial, unphysical, followers, massless, problem, doubtful), mechanism
     )
 
 

@@ -402,11 +402,7 @@ class Scenario(Overview):
     """
 
     def __init__(
-        self,
-        text: str,
-        path: str | Path,
-        settings: Sequence[Setting] = (),
-        label: str = "",
+        self, text: str, path: str | Path, settings: Sequence[Setting] = (), label: str = ""
     ) -> None:
         """Check the scenario `text` of the file `path`; see `load`.
 
@@ -486,10 +482,7 @@ class Scenario(Overview):
         return scenario
 
     def simulation(
-        self,
-        case: str | None = None,
-        changes: Mapping[str, Any] | None = None,
-        still: bool = False,
+        self, case: str | None = None, changes: Mapping[str, Any] | None = None, still: bool = False
     ) -> Simulation:
         """The simulation of a case.
 
