@@ -171,8 +171,11 @@ def design(
     loops = require_table("loops", loops, "of loops by name", ("loops",))
     geared = dict(_filed(description, tables.get("gears", {}), GEARS))
     geared |= require_table("gears", gears, "of gears by joint", ("gears",))
-    geared = with_rotors(geared, description.beyond.armature)
-    description = urdf.with_geared(description, geared)
+    armature = description.beyond.armature
+    geared = with_rotors(geared, armature)
+    direct = {name: armature[name] for name in armature if name not in geared}
+    if direct != armature:  # the gears have the rotors of their joints
+        description = urdf.with_armature(description, direct)
     flexible = require_table("flexible", flexible, "of flexible links by name", ("flexible",))
     _check_base(base, loops, description)
     if isinstance(gravity, str):

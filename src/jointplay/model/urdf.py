@@ -308,15 +308,6 @@ class Description:
         return deepcopy(self.parsed)
 
 
-def with_geared(description: Description, joints: Collection[str]) -> Description:
-    """The description without the armature of geared `joints`, whose rotors the gears have."""
-    armature = description.beyond.armature
-    if armature.keys().isdisjoint(joints):
-        return description
-    direct = {name: armature[name] for name in armature if name not in joints}
-    return with_armature(description, direct)
-
-
 def with_armature(description: Description, armature: Mapping[str, float]) -> Description:
     """The description with another armature; see `Beyond.armature`."""
     root = description.elements()

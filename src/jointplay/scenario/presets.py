@@ -381,7 +381,12 @@ def _read(path: Path, name: str) -> Preset:
     data = parsed(text, path)
     try:
         file: _File = make(check(_File, data), objects=False)
-        for place, tables in _places(data):
+        joint: Any = data.get("joint", {})
+        is_named = isinstance(joint, dict)
+        entries = joint.items() if is_named else enumerate(joint)
+        places: dict[tuple[Any, ...], Any] = {("joint", key): tables for key, tables in entries}
+        places |= {("every",): data["every"]} if "every" in data else {}
+        for place, tables in places.items():
             for part in tables.keys() & _KINDS.keys():
                 with within(*place, part):
                     try:
@@ -397,8 +402,6 @@ def _read(path: Path, name: str) -> Preset:
             )
     except JointplayError as error:
         raise JointplayError(f"{said_at(path, lines(text), error.where)}: {error}") from None
-    joint: Any = data.get("joint", {})
-    is_named = isinstance(joint, dict)
     return Preset(
         **vars(file.preset) | {"description": file.preset.description or path.name},
         name=name,
@@ -407,15 +410,6 @@ def _read(path: Path, name: str) -> Preset:
         ordered=() if is_named else tuple(map(_whole, joint)),
         named={whose: _whole(part) for whose, part in joint.items()} if is_named else {},
     )
-
-
-def _places(data: Mapping[str, Any]) -> Iterator[tuple[tuple[str | int, ...], Mapping[str, Any]]]:
-    """Keys of the tables of joints in a preset's file, and these tables."""
-    joint = data.get("joint", {})
-    for key, tables in joint.items() if isinstance(joint, dict) else enumerate(joint):
-        yield ("joint", key), tables
-    if "every" in data:
-        yield ("every",), data["every"]
 
 
 def _whole(tables: Mapping[str, Any]) -> dict[str, Any]:

@@ -126,17 +126,11 @@ def lines(text: str) -> dict[Key, int]:
         chunk, opened = [], 0
         if header:
             table = _header(parsed, counts)
-            _note(known, table, start)
-        else:
-            for path in _paths(parsed):
-                _note(known, (*table, *path), start)
+        for path in [()] if header else _paths(parsed):
+            key = (*table, *path)
+            for size in range(1, len(key) + 1):  # and of the tables above it that have none yet
+                known.setdefault(key[:size], start)
     return known
-
-
-def _note(known: dict[Key, int], path: Key, line: int) -> None:
-    """Note the line of a key, and of the tables above it that have none yet."""
-    for size in range(1, len(path) + 1):
-        known.setdefault(path[:size], line)
 
 
 def _header(parsed: Any, counts: dict[Key, int]) -> Key:
