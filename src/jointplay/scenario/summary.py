@@ -65,10 +65,7 @@ def facts(run: Run) -> dict[str, str]:
     facts |= {name: known[name] for name in ("gravity", "base", "held joints") if name in known}
     if mechanism.allow_unphysical:
         facts["impossible inertias"] = few(list(mechanism.allow_unphysical))
-    for name, loop in mechanism.loops.items():
-        facts[f"loop {name}"] = (
-            f"{mechanism.loop_class(name).kind}, {loop.bearing_link} - {loop.journal_link}"
-        )
+    facts |= {f"loop {name}": known[f"loop {name}"] for name in mechanism.loops}
     facts |= {f"link {name}": details for name, details in mechanism.flexible.items()}
     hinges = {name for names in mechanism.hinges.values() for name in names}
     step = simulation.step
