@@ -9,7 +9,7 @@ on the link move to the pieces that carry them.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from copy import deepcopy
 from dataclasses import replace
 from typing import Any, NamedTuple
@@ -70,16 +70,6 @@ def cut_links(
             require_known("link", name, description.links)
             cut = _cut(cut, name, link)
     return cut
-
-
-def hinges_of(description: Description, joints: Iterable[str]) -> dict[str, list[str]]:
-    """Those of `joints` that are hinges of a flexible link, by link."""
-    hinges: dict[str, list[str]] = {}
-    for name in joints:
-        link, _, number = name.rpartition(HINGE)
-        if number.isdigit() and f"{link}{TIP}" in description.links:
-            hinges.setdefault(link, []).append(name)
-    return hinges
 
 
 def end_of_tool(tool: str, flexible: Mapping[str, FlexibleLink]) -> str:

@@ -258,11 +258,6 @@ class Description:
             yield joint
             link = joint.parent
 
-    def free_base(self, gravity: Sequence[float]) -> str:
-        """A sentence that the base is free, and whether it falls under `gravity`."""
-        falls = ", and it falls unless loads carry it" if any(gravity) else ""
-        return f"the base {self.root!r} is free: nothing holds it{falls}"
-
     @property
     def held(self) -> str:
         """A sentence that the base is held; empty for robots whose base everybody expects held.
