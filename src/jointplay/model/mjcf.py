@@ -17,7 +17,7 @@ import os
 import re
 import sys
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from importlib.util import find_spec
@@ -249,27 +249,17 @@ def _passed_over(path: Path) -> Iterator[str]:
         for name, value in element.attrib.items()
         if not value.strip() and name not in _MAY_BE_BLANK
     ]
-    twice = [
-        f"{name} in <{tag}>"
-        for tag in dict.fromkeys(element.tag for element in root.iter() if element.tag in _MERGED)
-        for name, values in _values(root.iter(tag)).items()
-        if len(values) > 1
-    ]
-    if twice:
+    stated: dict[str, set[str]] = {}
+    for tag in _MERGED:
+        for element in root.iter(tag):
+            for name, value in element.attrib.items():
+                stated.setdefault(f"{name} in <{tag}>", set()).add(value)
+    if twice := [name for name, values in stated.items() if len(values) > 1]:
         yield f"note: given twice in the MJCF, where the last holds: {few(twice)}"
     if texts:
         yield f"note: MuJoCo reads no text between elements: {few(texts)}"
     if blank:
         yield f"note: MuJoCo takes what is empty as not given: {few(blank)}"
-
-
-def _values(elements: Iterable[ElementTree.Element]) -> dict[str, set[str]]:
-    """Set of values of each attribute of some elements, by attribute."""
-    values: dict[str, set[str]] = {}
-    for element in elements:
-        for name, value in element.attrib.items():
-            values.setdefault(name, set()).add(value)
-    return values
 
 
 @dataclass(frozen=True)

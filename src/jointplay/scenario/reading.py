@@ -546,7 +546,10 @@ class Scenario(Overview):
         try:
             return Run(simulation, progress, records, ahead=ahead)
         except JointplayError as error:
-            raise self.error(_place_of(error), str(error), case, True) from None
+            where = error.where  # an input of `Simulation`, or a key of the scenario
+            if where and where[0] in _TABLES:
+                where = (_TABLES[str(where[0])], *where)
+            raise self.error(where, str(error), case, True) from None
 
     def model(self, case: str, changes: Mapping[str, Any] | None = None) -> Model:
         """The checked tables of a case; see `simulation`."""
@@ -740,11 +743,3 @@ def _keys(table: Mapping[str, Any]) -> Iterator[str]:
         yield key
         if isinstance(value, Mapping):
             yield from _keys(value)
-
-
-def _place_of(error: JointplayError) -> Key:
-    """Key of the scenario for an error about an input of `Simulation`."""
-    where = error.where
-    if where and where[0] in _TABLES:
-        return (_TABLES[str(where[0])], *where)
-    return where
