@@ -43,7 +43,7 @@ from jointplay.model.gear_rules import Rule, completed, with_rotors
 from jointplay.model.inertias import impossible_inertias, require_possible
 from jointplay.model.linkage import Linkage
 from jointplay.model.linkage_tree import tree_of
-from jointplay.model.loop import Lock, Loop
+from jointplay.model.loop import Lock, Loop, refuse_name
 from jointplay.model.pinocchio_model import description_of_model
 from jointplay.model.tool import choose_tool
 from jointplay.model.urdf import (
@@ -183,9 +183,8 @@ def design(
         gravity = GRAVITY[gravity]
     gravity = require_vector("gravity", gravity, "m/s^2", ("gravity",))
     for name in loops:
-        if name in description.joints:
-            text = f"loop {name!r} has the name of a joint of the URDF"
-            raise JointplayError(text, ("loops", name))
+        with within("loops", name):
+            refuse_name(name, description.joints)
 
     cut = cut_links(description, loops, flexible)
     description, loops = cut.description, cut.loops

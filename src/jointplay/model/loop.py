@@ -67,6 +67,12 @@ PROXIMAL = pin.ProximalSettings(1e-12, 1e-10, 10)
 be redundant."""
 
 
+def refuse_name(name: str, joints: Collection[str]) -> None:
+    """Raise if a loop has the name of one of the URDF's `joints`."""
+    if name in joints:
+        raise JointplayError(f"loop {name!r} has the name of a joint of the URDF")
+
+
 @dataclass(frozen=True)
 class Loop(Described):
     """A joint between two links that closes a loop, by the frames of its bearing and journal.

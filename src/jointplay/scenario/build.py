@@ -35,7 +35,7 @@ from jointplay.model.flexible import end_of_tool
 from jointplay.model.formats import read
 from jointplay.model.linkage import Linkage
 from jointplay.model.linkage_tree import tree_of
-from jointplay.model.loop import Loop
+from jointplay.model.loop import Loop, refuse_name
 from jointplay.model.mechanism import Mechanism
 from jointplay.model.payload import Payload
 from jointplay.model.robots import resolve
@@ -673,6 +673,7 @@ def _built_anew(
     for name, ends in model.loops.items():
         bearing, journal = ends.bearing, ends.journal
         with within("loops", name):
+            refuse_name(name, description.joints)  # lest a joint be found missing instead
             loops[name] = Loop(
                 bearing.link, journal.link, bearing.xyz, bearing.rpy, journal.xyz, journal.rpy
             )
