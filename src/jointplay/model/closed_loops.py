@@ -90,10 +90,9 @@ class ClosedLoops:
         held = {mechanism.coordinate(name) for name in self.driven}
         self.passive = np.array([i for i in inside if i not in held], int)
         self._standing = np.setdiff1d(np.arange(mechanism.model.nq), self.passive)
-        described = mechanism.description.joints
         self._steps = np.full(mechanism.model.nq, _STEP)
         for name in self.driven:
-            if name in described and described[name].slides:
+            if mechanism.description.joints[name].slides:
                 self._steps[mechanism.coordinate(name)] *= ANGLE_ARM_M
 
     def _determining(self, q: np.ndarray, inside: Sequence[int]) -> tuple[str, ...]:

@@ -175,8 +175,7 @@ def drive_of(model: Model, mechanism: Mechanism) -> dict[str, Drive]:
                 "a torque acts on one joint; give [drives.JOINT]", where=("drive", "kind")
             )
         for name in mechanism.joints:
-            if name in mechanism.description.joints:
-                of_joint(shared, ("drive",), partial(fit, mechanism, name))  # refuses misfits
+            of_joint(shared, ("drive",), partial(fit, mechanism, name))  # refuses misfits
         with within("drive"):
             common = shared.make()
     by_joint = made_by_joint(model.drives, mechanism, "drives")
@@ -597,7 +596,7 @@ def _of_falling(
     motors = [
         name
         for name in mechanism.joints
-        if name in entries and drives[name].follows and (entries[name].effort or name in driven)
+        if drives[name].follows and (entries[name].effort or name in driven)
     ]
     q = mechanism.configuration(dict.fromkeys(motors, _TURNED))
     weight = mechanism.gravity_forces(q)
