@@ -30,6 +30,7 @@ from jointplay.base.schema import known_keywords
 from jointplay.base.tables import counted, few
 from jointplay.base.units import NUMBER, convert, readable, rounded
 from jointplay.estimate import columns
+from jointplay.estimate.known import excludes_zero, narrow
 from jointplay.estimate.least_squares import Fit, LeastSquares, search
 from jointplay.estimate.machine import preset_found
 from jointplay.estimate.measurement import quantisation
@@ -43,7 +44,6 @@ from jointplay.estimate.unknowns import (
     Estimate,
     Loop,
     Unknown,
-    excludes_zero,
 )
 from jointplay.model.mechanism import Mechanism
 from jointplay.simulation.loads.drive import urdf_friction
@@ -324,7 +324,7 @@ def identify_gauged(
         else:  # where there may be none, how large it is at most
             upper = first.value + first.half_width
             first = replace(first, reason="", bounded=not sure, upper=upper)
-        vague = first.half_width > first.unknown.widest(first.value)
+        vague = not narrow(first.unknown, first.value, first.half_width)
         if vague and _forces(readings, of_joint) == 2:
             notes.append(
                 f"note: two forces do not tell the play of {joint} from teeth that stiffen: push "

@@ -17,6 +17,7 @@ from jointplay.base.schema import known_keywords, shortest
 from jointplay.base.tables import Table, few
 from jointplay.base.units import rounded
 from jointplay.estimate import measurement, planning
+from jointplay.estimate.known import LARGEST_SHARE, narrow, widest
 from jointplay.estimate.least_squares import NULL, Fit, LeastSquares, basis, information, search
 from jointplay.estimate.machine import TOOL, Given, Machine, apply, compliances, preset_found
 from jointplay.estimate.measurement import Measurement, Observed, Visits
@@ -25,7 +26,6 @@ from jointplay.estimate.nuisances import DEGREE, REFERENCES, nuisances
 from jointplay.estimate.parts import WOUND, Teeth, friction_of
 from jointplay.estimate.recordings import Recording, is_recording
 from jointplay.estimate.unknowns import (
-    LARGEST_SHARE,
     PLAYS,
     ROUNDING,
     Estimate,
@@ -34,7 +34,6 @@ from jointplay.estimate.unknowns import (
     by_label,
     data,
     listed,
-    narrow,
 )
 from jointplay.model.mechanism import Mechanism
 from jointplay.physics.joints import RollingBearing
@@ -209,7 +208,7 @@ def advice(
         if not why or not unknown.sought:
             lines.append("")
             continue
-        limit = unknown.widest(fit.theta[i])
+        limit = widest(unknown, fit.theta[i])
         # The best of the simplest kind that determines it, else of all.
         least = [
             min(zip((half[i] for half in halves), texts, strict=True))

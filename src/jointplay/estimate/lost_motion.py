@@ -34,6 +34,7 @@ from jointplay.base.tables import counted, few
 from jointplay.base.units import readable
 from jointplay.estimate import columns
 from jointplay.estimate.gauge import gravity_load, joints_of_table
+from jointplay.estimate.known import excludes_zero
 from jointplay.estimate.machine import preset_found
 from jointplay.estimate.unknowns import (
     ROUNDING,
@@ -436,8 +437,8 @@ class _Profile:
         unit = "m" if self.slides else "rad"
         unknown = Unknown(self.joint, "gear_play", unit, math.nan, self.most, most=self.most)
         estimate = Estimate(
-            unknown, value, max(value - low, high - value), ends=(low, high), bounded=first == 0,
-            upper=high, note=f"one side repeats to {readable(sigma, unit, 2)}",
+            unknown, value, max(value - low, high - value), ends=(low, high), upper=high,
+            bounded=not excludes_zero(low), note=f"one side repeats to {readable(sigma, unit, 2)}",
         )  # fmt: skip
         if high >= self.most:
             estimate = replace(

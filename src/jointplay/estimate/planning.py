@@ -27,13 +27,14 @@ from jointplay.accuracy.poses import moving, over_workspace
 from jointplay.base.errors import JointplayError, require_a, require_positive
 from jointplay.base.schema import known_keywords
 from jointplay.base.tables import Table, few
+from jointplay.estimate.known import LARGEST_SHARE, narrow
 from jointplay.estimate.least_squares import LeastSquares, basis, partners
 from jointplay.estimate.machine import TOOL, WAYS, Given, Machine, compliances
 from jointplay.estimate.measurement import SHOWN, Key, Visits, tool_positions
 from jointplay.estimate.model import StaticModel
 from jointplay.estimate.nuisances import offsets
 from jointplay.estimate.parts import WOUND
-from jointplay.estimate.unknowns import LARGEST_SHARE, MODEL_ERROR, NORMAL, TINY, Unknown
+from jointplay.estimate.unknowns import MODEL_ERROR, NORMAL, TINY, Unknown
 from jointplay.model.collisions import SelfCollision
 from jointplay.model.mechanism import Mechanism
 from jointplay.simulation.loads.drive import JointFriction, urdf_friction
@@ -123,16 +124,18 @@ class MeasurementPlan:
         text = "tells most of all by itself"
         if number:
             text = f"information x {self.gains[number]:.3g} (its determinant)"
-        limits = LARGEST_SHARE * np.array([unknown.scale for unknown in self.unknowns])
         known = [
-            i for i, unknown in enumerate(self.unknowns) if unknown.sought and now[i] <= limits[i]
-        ]
+            i for i, unknown in enumerate(self.unknowns)
+            if unknown.sought and narrow(unknown, unknown.scale, now[i])
+        ]  # fmt: skip
         if not known:
             return text
         best = max(known, key=lambda i: was[i] / now[i])
         unknown = self.unknowns[best]
-        begin = f"+- {unknown.shown(was[best])}" if was[best] <= limits[best] else "unknown"
-        return f"{text}; most about {unknown.label}: {begin} to +- {unknown.shown(now[best])}"
+        before = "unknown"
+        if narrow(unknown, unknown.scale, was[best]):
+            before = f"+- {unknown.shown(was[best])}"
+        return f"{text}; most about {unknown.label}: {before} to +- {unknown.shown(now[best])}"
 
     def __str__(self) -> str:
         lines = []
@@ -142,7 +145,7 @@ class MeasurementPlan:
         expected = zip(self.unknowns, self.half_width[-1], self.partners, strict=True)
         for unknown, half, confounded in expected:
             text = f"+- {unknown.shown(half)}"
-            if half > LARGEST_SHARE * unknown.scale:
+            if not narrow(unknown, unknown.scale, half):
                 near = "" if half > 10.0 * unknown.scale else f" ({text})"
                 acts = f": acts only together with {few(list(confounded))}" if confounded else near
                 text = f"cannot tell{acts}"
