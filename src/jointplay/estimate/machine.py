@@ -50,6 +50,8 @@ BENDS = 0.15
 their laws are exact they would tell one from the other, but no gear follows them so closely."""
 _STICKS = 3.0
 """Largest static friction by the dynamic one (judged)."""
+KEPT_AT_STOPS = 0.5
+"""Part of friction that stays at a stop, as expected: the middle of what is possible, 0 to 1."""
 _TORQUE_N_M = 0.1
 """Scale of a friction of which the scenario says nothing, where its search begins (judged)."""
 
@@ -139,8 +141,9 @@ class Machine:
             *self._of_dry_friction(torques, also),
         ]  # fmt: skip
         if stops and any(unknown.name == "friction" for unknown in unknowns):
-            half = Unknown("", "friction_kept_at_stops", "", 0.5, 0.5, 1.0, sought=False)
-            unknowns.append(half)
+            half = KEPT_AT_STOPS
+            name = "friction_kept_at_stops"
+            unknowns.append(Unknown("", name, "", half, half, 1.0, sought=False))
         labels = [{unknown.label, unknown.name} for unknown in unknowns]
         for word in known:
             if not any(word in either for either in labels):
