@@ -1,8 +1,11 @@
-"""What is sought of a machine: what is unknown of its parts (`parts`), by joint.
+"""A machine before a measurement: its unknowns with their priors, by joint.
 
-Every machine is elastic, and elasticity looks like play to whoever pushes with one force only. So
-the compliances of each joint (about and along its axis, across it, in tilt), of each gear and of
-the structure at the tool are unknown, too, unless they are given.
+The unknowns of bearings, springs and gears are those of their `parts`. Every machine is elastic,
+and elasticity looks like play to whoever pushes with one force only. So the compliances of each
+joint (about and along its axis, across it, in tilt), of each gear and of the structure at the tool
+are unknown, too, unless their stiffness is given (`compliances`).
+
+After a measurement, `apply` puts the estimates into the mechanism, `preset_found` into a preset.
 """
 
 from __future__ import annotations
@@ -32,32 +35,37 @@ WAYS = {
     "bush": "m/N",
     "axial": "m/N",
 }
-"""In which a joint gives way, and the unit of that compliance: about its axis; its link about that
-axis, where friction at the joint holds none of it (a joint that winds up has both, others one);
-about the axes across; across, along the load; of a bush that gives way across, how much of it turns
-aside with the contact's normal where friction does; along."""
+"""Ways in which a joint gives way, and the unit of that compliance.
+
+``torsional``: about its axis. ``link``: its link about that axis, where friction at the joint holds
+none of it (a joint that winds up has both, others one). ``tilt``: about the axes across.
+``radial``: across, along the load. ``bush``: of a bush that gives way across, how much of it turns
+aside with the contact's normal where friction does. ``axial``: along the axis.
+"""
 TOOL, ALL = "tool", "all"
-"""Names of the structure's compliance at the tool, and of everything's."""
+"""Labels of the structure's compliance at the tool, and of all compliances together."""
 SOFT = {"rad/(N*m)": 1e-5, "m/N": 1e-7}
 """Scales of compliances, by unit, from which unknown ones are sought (judged: of stiff robots)."""
 _BY_MOTOR = {"kind": "computed-torque", "encoder": "motor"}
 """Drive of joints with gears of whose drive nothing else is known: play shows by such encoders."""
 LINK = 1e-4
-"""Deviation of the bending of links from none where a joint winds up, unless the gear is expected
-to give way by more [rad/(N m)]: with any number one could make up for the other."""
+"""Prior deviation from none of the bending of links where a joint winds up, unless the gear is
+expected to give way by more [rad/(N m)]: without a prior, link and gear could make up for each
+other."""
 BENDS = 0.15
-"""The same of gears with a curve or hysteresis, by what the gear is expected to give way by: where
-their laws are exact they would tell one from the other, but no gear follows them so closely."""
-_STICKS = 3.0
-"""Largest static friction by the dynamic one (judged)."""
+"""Prior deviation of the bending of links beside gears with a curve or hysteresis, as a part of the
+gear's expected compliance: where their laws are exact they would tell one from the other, but no
+gear follows them so closely."""
+_LARGEST_STICTION = 3.0
+"""Largest static friction, as a multiple of the dynamic one (judged)."""
 KEPT_AT_STOPS = 0.5
-"""Part of friction that stays at a stop, as expected: the middle of what is possible, 0 to 1."""
-_TORQUE_N_M = 0.1
+"""Expected part of friction that is kept at a stop: the middle of what is possible, 0 to 1."""
+_FRICTION_N_M = 0.1
 """Scale of a friction of which the scenario says nothing, where its search begins (judged)."""
 
 
 def compliance(label: str, value: float = 0.0, spread: float = math.inf) -> Unknown:
-    """One that is known so well before the measurement [rad/(N m) or m/N]."""
+    """Compliance of a label with its prior's mean and deviation [rad/(N m) or m/N]."""
     joint, _, way = label.rpartition(" ")
     unit = WAYS.get(way, "m/N")
     return Unknown(
@@ -67,7 +75,7 @@ def compliance(label: str, value: float = 0.0, spread: float = math.inf) -> Unkn
 
 
 Given = Mapping[str, float | tuple[float, float]]
-"""Stiffness by label [N m/rad or N/m], with its relative standard deviation if it is not exact."""
+"""Given stiffness by label [N m/rad or N/m], with its relative standard deviation if not exact."""
 
 
 @dataclass(frozen=True)
@@ -76,9 +84,9 @@ class Machine:
 
     mechanism: Mechanism
     friction: Mapping[str, JointFriction]
-    """Of the joints besides their bearings'."""
+    """Friction of joints besides that of their bearings, by joint."""
     compliances: Mapping[str, Unknown]
-    """By label, see `compliances`."""
+    """Compliances of which something is known, by label, see `compliances`."""
 
     @cached_property
     def springs(self) -> dict[str, parts.Springs]:
@@ -86,19 +94,20 @@ class Machine:
         return parts.springs_of(self.mechanism)
 
     def compliance(self, label: str) -> Unknown:
+        """Compliance of a label with its prior; without one if nothing is known of it."""
         return self.compliances.get(label) or compliance(label)
 
     def rigid(self, label: str) -> bool:
-        """Whether it is known that there is no compliance."""
+        """Whether it is known that there is no such compliance."""
         prior = self.compliance(label)
         return prior.nominal == prior.spread == 0.0
 
     @cached_property
     def wound(self) -> tuple[str, ...]:
-        """Joints whose link lags behind the motor by what its torque and dry friction wind up.
+        """Joints that wind up: their link lags behind the motor, by the way there (`windup`).
 
-        Those with gears, and all others that turn, are not rigid about their axis and have dry
-        friction that holds the link where it is: the lag depends on the way there.
+        These are joints with a gear, and others that turn, are not rigid about their axis and have
+        dry friction that holds the link.
         """
         gears, entries = self.mechanism.gears, self.mechanism.description.joints
         return tuple(gears) + tuple(
@@ -119,16 +128,16 @@ class Machine:
         known: Collection[str] = (),
         links: Collection[str] = (),
     ) -> tuple[Unknown, ...]:
-        """All unknowns, but compliances that move the tool in proportion to loads.
+        """All unknowns, except compliances that are nuisances (`model.Elastic`).
 
-        Friction is sought only at joints that have some in the scenario.
+        Friction of bearings is sought only where the scenario has some.
 
         Args:
             torques: joints whose torque is measured: their friction is sought.
-            stops: whether there are stops, at which an unknown part of the friction stays.
-            also: of `ALSO`: dry friction behind all gears.
+            stops: whether there are stops, at which an unknown part of the friction is kept.
+            also: what else is sought, of `parts.ALSO`.
             known: labels or names of unknowns that are taken from the scenario.
-            links: joints with an encoder behind their gear, which tells it from the link.
+            links: joints with an encoder behind their gear, which tells the gear from the link.
 
         Raises:
             JointplayError: nothing is sought; an unknown name in `also` or `known`.
@@ -158,6 +167,7 @@ class Machine:
         return remaining
 
     def _require_play(self) -> None:
+        """Refuse machines without play, and those whose gears drive joints that slide."""
         mechanism = self.mechanism
         if not mechanism.clearance and not mechanism.gears:
             raise NothingHasPlay(mechanism.joints)
@@ -169,7 +179,7 @@ class Machine:
             )
 
     def _of_bearings(self, also: Collection[str]) -> Iterator[Unknown]:
-        """Clearances and friction of bearings; compliances of springs and seats, unless given."""
+        """Clearances and friction of bearings, and compliances of springs and seats."""
         for joint, bearing in self.mechanism.clearance.items():
             for part in parts.bearing_parts(joint, bearing):
                 if not isinstance(part, parts.Springs):
@@ -183,8 +193,8 @@ class Machine:
     def _of_gears(self, also: Collection[str], links: Collection[str]) -> Iterator[Unknown]:
         """Play, compliance and hysteresis of gears.
 
-        Of gears with a curve the law is only nearly right, unless an encoder on the link tells the
-        gear's twist from the bending of the link.
+        Compliances of a gear with a curve are only nearly right, unless an encoder on the link
+        tells the gear's twist from the bending of the link.
         """
         for joint, gear in self.mechanism.gears.items():
             teeth = parts.Teeth(joint, gear)
@@ -207,7 +217,10 @@ class Machine:
     def _of_dry_friction(
         self, torques: Collection[str], also: Collection[str]
     ) -> Iterator[Unknown]:
-        """Of joints whose torque is measured, and of those that it winds up, with stiction."""
+        """Dry friction of joints whose torque is measured, and of those that wind up by it.
+
+        At the latter it may be larger while they stick.
+        """
         gears, friction = self.mechanism.gears, self.friction
         dry = [joint for joint, law in friction.items() if law.coulomb > 0.0]
         winding = [joint for joint in gears if "friction" in also or joint in dry]
@@ -215,13 +228,13 @@ class Machine:
         for joint in dict.fromkeys([*torques, *winding]):
             value = friction[joint].coulomb if joint in friction else 0.0
             unit = "N" if self.mechanism.description.joints[joint].slides else "N*m"
-            yield Unknown(joint, "dry_friction", unit, value, value or _TORQUE_N_M)
+            yield Unknown(joint, "dry_friction", unit, value, value or _FRICTION_N_M)
             if joint in winding:
                 ratio = 1.0 + friction[joint].excess / value if value else 1.0
-                yield Unknown(joint, "stiction", "", ratio, 1.0, _STICKS, sought=False)
+                yield Unknown(joint, "stiction", "", ratio, 1.0, _LARGEST_STICTION, sought=False)
 
     def _compliance(self, joint: str, way: str, name: str, expected: float) -> list[Unknown]:
-        """The unknown by which a joint gives way, unless its compliance is given exactly."""
+        """Compliance of a joint as an unknown of this name; none if it is given exactly."""
         stated = self.compliance(f"{joint} {way}")
         if stated.spread == 0.0:
             return []
@@ -231,26 +244,27 @@ class Machine:
 
 
 def labels(mechanism: Mechanism) -> list[str]:
-    """Of all stiffnesses that can be given: ``elbow torsional``, ``elbow``, ``tool``, ``all``."""
+    """Labels of all stiffnesses that can be given: ``elbow tilt``, ``elbow``, ``tool``, ``all``."""
     joints = list(dict.fromkeys([*mechanism.joints, *mechanism.clearance]))
     return [f"{name} {way}" for name in joints for way in WAYS] + [*joints, TOOL, ALL]
 
 
 def compliances(mechanism: Mechanism, stated: Given) -> dict[str, Unknown]:
-    """What stiffnesses that are given say of compliances, by label.
+    """Compliances of which something is known, by label, from given stiffnesses.
 
     Args:
         mechanism: whose.
-        stated: an infinite one is rigid. That of a joint without a way is its torsional one (of the
-            gear, where it has one); where it is infinite, the joint is rigid in all ways. ``all``
-            can be infinite only: everything is rigid of which nothing else is said, but gears,
-            springs and seats.
+        stated: given stiffness by label; an infinite one is rigid. That of a joint without a way is
+            its torsional one (of the gear, where it has one); where it is infinite, the joint is
+            rigid in all ways. ``all`` can only be infinite: everything is rigid of which nothing
+            else is said, except gears, springs and seats.
 
     Raises:
         MissingName: no such label.
         JointplayError: a stiffness or a deviation that cannot be.
     """
     known: dict[str, Unknown] = {}
+    # Priors without which other unknowns could not be told, unless something is given.
     for name in mechanism.joints:
         spread = LINK
         if name in mechanism.gears:
@@ -261,6 +275,7 @@ def compliances(mechanism: Mechanism, stated: Given) -> dict[str, Unknown]:
     bushes = [f"{name} bush" for name in mechanism.clearance]
     # Passes under one load do not tell it from friction: without a bound no friction could be told.
     known |= {label: compliance(label, spread=SOFT["m/N"]) for label in bushes}
+    # The general first, for the special overrides it: all, a joint or the tool, a way of a joint.
     for label in sorted(stated, key=lambda label: (label != ALL, " " in label)):
         entry = stated[label]
         stiffness, part = entry if isinstance(entry, tuple) else (entry, 0.0)
@@ -286,7 +301,8 @@ def compliances(mechanism: Mechanism, stated: Given) -> dict[str, Unknown]:
 
 
 def apply(mechanism: Mechanism, estimates: Sequence[Estimate]) -> Mechanism:
-    """The mechanism with those values that are identified, and that it can have."""
+    """The mechanism with the estimates that have no reason against them, as far as it has parts for
+    them."""
     joints, gears = dict(mechanism.clearance), dict(mechanism.gears)
     values: dict[str, dict[str, float]] = {}
     for estimate in estimates:
@@ -307,12 +323,12 @@ def preset_found(
     robot: str | Path | None = None,
     tables: Mapping[str, Mapping[str, Any]] = MappingProxyType({}),
 ) -> Preset:
-    """The mechanism's joints with what was found, as a preset.
+    """A preset of the mechanism's joints with their estimates, each number with its origin.
 
     Args:
         mechanism: as the scenario has it.
         estimates: of its unknowns.
-        source: which measurement told it.
+        source: name of the measurement.
         robot: name or path; None: the file of its URDF.
         tables: see `Preset.of_mechanism`.
     """
@@ -323,6 +339,7 @@ def preset_found(
     place = str(robot or mechanism.description.path)
     title = f"{Path(place).stem} as measured by {source}"
     gears = {name: dict(entry) for name, entry in tables.get("gear", {}).items()}
+    # Joints that have no gear in the scenario get one of their play and compliance.
     for estimate in estimates:
         name, nonzero = estimate.unknown.name, not estimate.reason and estimate.value > 0.0
         if nonzero and estimate.joint not in mechanism.gears:
@@ -339,7 +356,7 @@ def preset_found(
 
 
 def _origin(estimate: Estimate, source: str) -> Origin:
-    """Of a number of a preset that is an unknown's: a gear's stiffness by its compliance."""
+    """Origin of a preset's number that is an estimate's; a compliance stands as a stiffness."""
     from jointplay.scenario.presets import QUANTITIES, Origin
 
     name, unknown = estimate.unknown.name, estimate.unknown
@@ -385,9 +402,9 @@ def worst_at_ends(
     *about: Any,
     **options: Any,
 ) -> list[str]:
-    """The worst case with all plays at the lower, and at the upper ends of their intervals.
+    """Text of the worst case with all plays at the lower, and at the upper ends of their intervals.
 
-    `about`, `options`: what `budget` takes.
+    None if no play has an interval. `about` and `options` are those of `budget`.
     """
     from jointplay.accuracy.error_budget import budget
 
@@ -406,7 +423,7 @@ def worst_at_ends(
 def with_plays(mechanism: Mechanism, plays: Mapping[tuple[str, str], float]) -> Mechanism:
     """The mechanism with plays by joint and name, such as ``("elbow", "gear_play")`` [SI].
 
-    Joints without a gear get one of which nothing but its play is meant.
+    Joints without a gear get one, of which only the play counts.
     """
     from jointplay.model.gear import Gear
 
