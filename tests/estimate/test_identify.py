@@ -32,8 +32,9 @@ from jointplay.estimate import (
 )
 from jointplay.estimate.identification import reason
 from jointplay.estimate.least_squares import Fit, LeastSquares, minimum
-from jointplay.estimate.measurement import places, resolution, scatter, turns
+from jointplay.estimate.measurement import resolution, scatter
 from jointplay.estimate.unknowns import Unknown
+from jointplay.estimate.visits import places, turns
 from jointplay.model.collisions import SelfCollision
 from jointplay.physics.contact import Ambrosio
 from jointplay.scenario.presets import preset

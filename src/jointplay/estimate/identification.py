@@ -16,11 +16,11 @@ from jointplay.base.pairs import misread, pair, quantity
 from jointplay.base.schema import known_keywords, shortest
 from jointplay.base.tables import Table, few
 from jointplay.base.units import rounded
-from jointplay.estimate import measurement, planning
+from jointplay.estimate import planning
 from jointplay.estimate.known import LARGEST_SHARE, narrow, widest
 from jointplay.estimate.least_squares import NULL, Fit, LeastSquares, basis, information, search
 from jointplay.estimate.machine import TOOL, Given, Machine, apply, compliances, preset_found
-from jointplay.estimate.measurement import Measurement, Observed, Visits
+from jointplay.estimate.measurement import READINGS, SHOWN, Measurement
 from jointplay.estimate.model import StaticModel
 from jointplay.estimate.nuisances import DEGREE, REFERENCES, nuisances
 from jointplay.estimate.parts import WOUND, Teeth, friction_of
@@ -35,6 +35,7 @@ from jointplay.estimate.unknowns import (
     data,
     listed,
 )
+from jointplay.estimate.visits import Observed, Visits, cut_into_visits, pushes
 from jointplay.model.mechanism import Mechanism
 from jointplay.physics.joints import RollingBearing
 from jointplay.simulation.loads.drive import Drive, JointFriction, urdf_friction
@@ -156,7 +157,7 @@ def _explained(i: int, fit: Fit, visits: Visits) -> str:
     if not labels or not known(labels):
         return ""
     which = [label for label in labels if known([label])]
-    sizes = np.unique(measurement.pushes(visits.force), axis=0)
+    sizes = np.unique(pushes(visits.force), axis=0)
     count = len(np.unique(np.round(np.linalg.norm(sizes, axis=1)))) - 1
     text = few(which) if which else "of several parts at once"
     return (
@@ -514,7 +515,7 @@ def _compared(
             "of a gear with play, or JOINT torque is needed in addition to the motors' encoders"
         )
     prior = Machine(mechanism, friction, compliances(mechanism, stiffness or {}))
-    visits, observed = measurement.visits(mechanism, measured, motion)
+    visits, observed = cut_into_visits(mechanism, measured, motion)
     kinds = [kind for kind, _ in observed.keys]
     torqued = [name for kind, name in observed.keys if kind == "torque"]
     stops = bool(visits.stopped.any()) and "tool" in kinds
@@ -602,9 +603,9 @@ def _problem(
         soft.unknown.spread for soft in model.elastic for _ in range(soft.effect.shape[2])
     ]
     if lag:
-        known[: len({kind for kind, _ in model.keys if kind in measurement.READINGS})] = lag
+        known[: len({kind for kind, _ in model.keys if kind in READINGS})] = lag
     kinds = [kind for kind, _ in model.keys]
-    loads = np.column_stack([visits.direction, visits.stopped, measurement.pushes(visits.force)])
+    loads = np.column_stack([visits.direction, visits.stopped, pushes(visits.force)])
     _, load = np.unique(loads, axis=0, return_inverse=True)
     groups = [
         n[:, None] * len(kinds) + np.arange(len(kinds)) for n in (visits.cell, np.ravel(load))
@@ -672,7 +673,7 @@ def _assumptions(
     lines.append(f"assumed (--lag {lag:g}): readings of tool and links are {text}")
     deviations = []
     for (kind, name), spread in zip(observed.keys, observed.noise, strict=True):
-        unit = measurement.SHOWN[kind]
+        unit = SHOWN[kind]
         source = "given" if kind in measured.noise else "of the records"
         deviations.append(f"{kind} {name} {rounded(spread, unit, 3, True)} ({source})")
     lines.append(f"noise of a record (--noise): {', '.join(deviations)}")

@@ -20,9 +20,9 @@ from dataclasses import replace
 import numpy as np
 
 from jointplay.estimate.machine import KEPT_AT_STOPS
-from jointplay.estimate.measurement import Visits
 from jointplay.estimate.parts import SPRINGS, Elements, Journal, friction_of
 from jointplay.estimate.unknowns import TINY
+from jointplay.estimate.visits import Visits
 from jointplay.physics.joints import Clearance, RollingBearing
 from jointplay.physics.joints.play import BallPlay, JournalPlay
 from jointplay.simulation.statics import depths

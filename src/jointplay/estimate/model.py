@@ -29,6 +29,7 @@ from scipy.ndimage import uniform_filter1d
 from jointplay.accuracy.error_model import play_model
 from jointplay.accuracy.jacobians import place, tool_place
 from jointplay.accuracy.poses import moving
+from jointplay.estimate.columns import Key
 from jointplay.estimate.loaded_bearings import (
     HELD_OFF,
     LOAD_ERROR,
@@ -36,17 +37,16 @@ from jointplay.estimate.loaded_bearings import (
     LoadedRollingBearing,
 )
 from jointplay.estimate.machine import TOOL, Machine
-from jointplay.estimate.measurement import (
+from jointplay.estimate.parts import NONE, SPRINGS, WOUND, Teeth, friction_of
+from jointplay.estimate.unknowns import MINOR, MISJUDGED, MODEL_ERROR, Unknown
+from jointplay.estimate.visits import (
     STOP_S,
-    Key,
     Visits,
     configurations,
     signal_effect,
     stacked,
     tool_effect,
 )
-from jointplay.estimate.parts import NONE, SPRINGS, WOUND, Teeth, friction_of
-from jointplay.estimate.unknowns import MINOR, MISJUDGED, MODEL_ERROR, Unknown
 from jointplay.estimate.windup import TwistLaw, wound_up
 from jointplay.model.gear import Curve, Gear
 from jointplay.model.mechanism import Mechanism

@@ -11,17 +11,17 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.polynomial.legendre import legvander
 
-from jointplay.estimate.measurement import (
-    READINGS,
-    Key,
+from jointplay.estimate.columns import Key
+from jointplay.estimate.measurement import READINGS
+from jointplay.estimate.model import StaticModel
+from jointplay.estimate.unknowns import TINY
+from jointplay.estimate.visits import (
     Observed,
     signal_effect,
     stacked,
     tool_effect,
     tool_positions,
 )
-from jointplay.estimate.model import StaticModel
-from jointplay.estimate.unknowns import TINY
 
 REFERENCES = ("place", "frame", "ideal")
 """What is known of the tool's ideal place: nothing but that it is the same at each visit of a

@@ -27,14 +27,16 @@ from jointplay.accuracy.poses import moving, over_workspace
 from jointplay.base.errors import JointplayError, require_a, require_positive
 from jointplay.base.schema import known_keywords
 from jointplay.base.tables import Table, few
+from jointplay.estimate.columns import Key
 from jointplay.estimate.known import LARGEST_SHARE, narrow
 from jointplay.estimate.least_squares import LeastSquares, basis, partners
 from jointplay.estimate.machine import TOOL, WAYS, Given, Machine, compliances
-from jointplay.estimate.measurement import SHOWN, Key, Visits, tool_positions
+from jointplay.estimate.measurement import SHOWN
 from jointplay.estimate.model import StaticModel
 from jointplay.estimate.nuisances import offsets
 from jointplay.estimate.parts import WOUND
 from jointplay.estimate.unknowns import MODEL_ERROR, NORMAL, TINY, Unknown
+from jointplay.estimate.visits import Visits, tool_positions
 from jointplay.model.collisions import SelfCollision
 from jointplay.model.mechanism import Mechanism
 from jointplay.simulation.loads.drive import JointFriction, urdf_friction

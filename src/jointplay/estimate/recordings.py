@@ -27,7 +27,8 @@ from jointplay.base.schema import known_keywords
 from jointplay.simulation.motion import rosbag
 
 if TYPE_CHECKING:
-    from jointplay.estimate.measurement import Key, Measurement
+    from jointplay.estimate.columns import Key
+    from jointplay.estimate.measurement import Measurement
 
 _NANO = 1_000_000_000
 _JOINT_FIELDS = {"motor": "position", "link": "position", "torque": "effort"}
