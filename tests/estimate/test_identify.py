@@ -30,9 +30,9 @@ from jointplay.estimate import (
     plan_measurement,
     planning,
 )
-from jointplay.estimate.identification import reason
 from jointplay.estimate.least_squares import Fit, LeastSquares, minimum
 from jointplay.estimate.measurement import resolution, scatter
+from jointplay.estimate.reasons import reason
 from jointplay.estimate.unknowns import Unknown
 from jointplay.estimate.visits import places, turns
 from jointplay.model.collisions import SelfCollision
