@@ -71,11 +71,14 @@ def infer(selection: Selection, selected: Step, candidates: Sequence[Term]) -> I
             )  # fmt: skip
     predictive = {c.joint for c in selected.fitted.problem.columns if c.term.kind == "play"}
     number = {c.joint: i for i, c in enumerate(full.problem.columns) if c.term.kind == "play"}
-    play = [
-        _play(selection, full, number[joint], plays, joint in predictive)
-        if joint in number else _unloaded(selection, joint)
-        for joint in selection.joints
-    ]  # fmt: skip
+    play = []
+    for joint in selection.joints:
+        if joint in number:
+            play.append(_play(selection, full, number[joint], plays, joint in predictive))
+        else:
+            (column,) = selection.base.poses.columns(Term("play", (joint,)))
+            reason = "gravity does not load this joint"
+            play.append(Estimate(column.unknown, 0.0, reason=reason, bounded=True))
     return Inference(tuple(coefficients), tuple(play), full)
 
 
@@ -198,12 +201,6 @@ def _play(
     return Estimate(
         column.unknown, value, reason=reason, ends=(low, high), upper=upper, bounded=not known
     )
-
-
-def _unloaded(selection: Selection, joint: str) -> Estimate:
-    (column,) = selection.base.poses.columns(Term("play", (joint,)))
-    reason = "gravity does not load this joint"
-    return Estimate(column.unknown, 0.0, reason=reason, bounded=True)
 
 
 def _smoothed(selection: Selection, full: Fitted, i: int) -> float:

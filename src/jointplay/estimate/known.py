@@ -4,7 +4,8 @@ A fit gives each unknown a value and a 95 % interval (`least_squares.Fit.half_wi
 is enough to call the value known (`Estimate.known`) is decided by one of these criteria:
 
 - Recordings of a machine that is expected to have the play (`identify`): `narrow`, half of the
-  interval is at most half of the value (`LARGEST_SHARE`).
+  interval is at most half of the value (`LARGEST_SHARE`). So for all unknowns of recordings, and
+  the compliance that a dial gauge tells.
 - Dial gauges, moves forth and back, static poses and pairs of encoders, by which a joint may turn
   out to have no play: `excludes_zero`, the whole interval lies above zero; else its upper end is
   stated as a bound. Of poses and encoders, play must also predict held-back poses better than
@@ -12,7 +13,7 @@ is enough to call the value known (`Estimate.known`) is decided by one of these 
 - All other coefficients of static poses, which have priors: `outweighs_prior`.
 
 What meets its criterion is withdrawn where something else could feign it: friction that holds a
-journal (`identification._held_by_friction`), gravity that holds teeth to one side
+journal (`reasons._held_by_friction`), gravity that holds teeth to one side
 (`gauge.identify_gauged`, `lost_motion.identify_lost_motion`), moves that are too short
 (`lost_motion`). A change between two measurements (`changes`) is stated with any finite interval.
 """
@@ -28,7 +29,7 @@ from jointplay.estimate.unknowns import Unknown
 
 LARGEST_SHARE = 0.5
 """Largest half width of an interval, as a part of the value, with which `identify` calls the value
-known: judged, a choice of what is worth reporting. Intervals do not depend on it."""
+known: judged, a choice of what is worth reporting. Wider intervals are not refined."""
 SMALL = 0.25
 """Part of an unknown's scale as which smaller values count in `LARGEST_SHARE`, so that a play near
 zero can be known, too: judged. With 0.5, 5 more values are told of 153 machines of

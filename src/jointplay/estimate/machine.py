@@ -144,14 +144,24 @@ class Machine:
         """
         for word in also:
             require_known("unknown to identify besides", word, parts.ALSO)
-        self._require_play()
-        unknowns = [
-            *self._of_bearings(also), *self._of_gears(also, links), *self._of_winding(),
-            *self._of_dry_friction(torques, also),
-        ]  # fmt: skip
+        mechanism = self.mechanism
+        if not mechanism.clearance and not mechanism.gears:
+            raise NothingHasPlay(mechanism.joints)
+        sliding = [n for n in mechanism.gears if mechanism.description.joints[n].slides]
+        if sliding:
+            raise JointplayError(
+                f"gears of joints that slide ({', '.join(sliding)}) are not identified from "
+                "recordings; readings of a dial gauge tell their play and compliance"
+            )
+        unknowns = [*self._of_bearings(also), *self._of_gears(also, links)]
+        for joint in self.wound:
+            if joint not in mechanism.gears:
+                expected = SOFT["rad/(N*m)"]
+                name = "torsional_compliance"
+                unknowns += self._compliance(joint, "torsional", name, expected)
+        unknowns += self._of_dry_friction(torques, also)
         if stops and any(unknown.name == "friction" for unknown in unknowns):
-            half = KEPT_AT_STOPS
-            name = "friction_kept_at_stops"
+            half, name = KEPT_AT_STOPS, "friction_kept_at_stops"
             unknowns.append(Unknown("", name, "", half, half, 1.0, sought=False))
         labels = [{unknown.label, unknown.name} for unknown in unknowns]
         for word in known:
@@ -165,18 +175,6 @@ class Machine:
         if not any(unknown.sought for unknown in remaining):
             raise JointplayError("everything is given as known: nothing is left to identify")
         return remaining
-
-    def _require_play(self) -> None:
-        """Refuse machines without play, and those whose gears drive joints that slide."""
-        mechanism = self.mechanism
-        if not mechanism.clearance and not mechanism.gears:
-            raise NothingHasPlay(mechanism.joints)
-        sliding = [n for n in mechanism.gears if mechanism.description.joints[n].slides]
-        if sliding:
-            raise JointplayError(
-                f"gears of joints that slide ({', '.join(sliding)}) are not identified from "
-                "recordings; readings of a dial gauge tell their play and compliance"
-            )
 
     def _of_bearings(self, also: Collection[str]) -> Iterator[Unknown]:
         """Clearances and friction of bearings, and compliances of springs and seats."""
@@ -205,14 +203,6 @@ class Machine:
             for unknown in (*plays, *give, *(x for x in of_teeth if x not in plays)):
                 bends = teeth.curved and unknown.name in parts.WOUND
                 yield replace(unknown, model_error=rough) if bends else unknown
-
-    def _of_winding(self) -> Iterator[Unknown]:
-        """Compliances of joints without a gear that dry friction winds up."""
-        for joint in self.wound:
-            if joint not in self.mechanism.gears:
-                yield from self._compliance(
-                    joint, "torsional", "torsional_compliance", SOFT["rad/(N*m)"]
-                )
 
     def _of_dry_friction(
         self, torques: Collection[str], also: Collection[str]
@@ -365,35 +355,24 @@ def _origin(estimate: Estimate, source: str) -> Origin:
     if estimate.reason:
         why = f"of the scenario; {source} cannot tell: {estimate.reason}"
         return Origin(key=key, value=unknown.shown(unknown.nominal), origin="assumed", source=why)
-    value, ends = estimate.upper if estimate.bounded else estimate.value, estimate.interval
+    value, ends = estimate.value, estimate.interval
     if estimate.bounded:
-        ends = 0.0, estimate.upper
+        value, ends = estimate.upper, (0.0, estimate.upper)
+    stiffness, interval = key.endswith("stiffness"), tuple(map(float, ends))
     if math.isinf(ends[1]):
-        return Origin(
-            key=key,
-            value=unknown.shown(value),
-            origin="measured",
-            source=f"{estimate.span}; {source}",
-        )
-    if key.endswith("stiffness"):
-        if min(value, *ends) <= 0.0:
-            return Origin(
-                key=key,
-                value=unknown.shown(value),
-                origin="measured",
-                source=f"its compliance; {source}",
-            )
-        value, ends = 1.0 / value, (1.0 / ends[1], 1.0 / ends[0])
-        unknown = replace(unknown, unit="N/m" if unknown.unit == "m/N" else "N*m/rad", fine=False)
-    low, high = map(unknown.shown, ends)
-    why = f"95 % interval {low} to {high}; {source}"
+        why, interval = estimate.span, ()
+    elif stiffness and min(value, *ends) <= 0.0:
+        why, interval = "its compliance", ()
+    else:
+        if stiffness:
+            value, interval = 1.0 / value, (1.0 / ends[1], 1.0 / ends[0])
+            unit = "N/m" if unknown.unit == "m/N" else "N*m/rad"
+            unknown = replace(unknown, unit=unit, fine=False)
+        why = "95 % interval {} to {}".format(*map(unknown.shown, interval))
     return Origin(
-        key=key,
-        value=unknown.shown(value),
-        origin="measured",
-        source=why,
-        interval=tuple(map(float, ends)),
-    )
+        key=key, value=unknown.shown(value), origin="measured", source=f"{why}; {source}",
+        interval=interval,
+    )  # fmt: skip
 
 
 def worst_at_ends(

@@ -133,7 +133,6 @@ class StaticModel:
         }
         """Displacement of the tool by a compliance of one of springs, by joint and way, (n, 3)."""
         self._gives = {name: self._give(name) for name in machine.wound}
-        """Compliance of joints that wind up, unless it is unknown [rad/(N m)]."""
         driven = dict.fromkeys([*machine.wound, *(name for kind, name in keys if kind == "torque")])
         about = {name: 2 if slides.get(name, False) else 5 for name in driven}
         self._inertia = {name: -inertia[name][:, axis] for name, axis in about.items()}
@@ -148,7 +147,12 @@ class StaticModel:
                 self.wander = np.hypot(
                     self.wander, tool_effect(keys, _CAGE_WANDER * np.sqrt(moved))
                 )
-        self._path_hold = self._on_the_path([name for name in driven if self._remembers(name)])
+        sought = {unknown.joint for unknown in unknowns if unknown.name == "hysteresis"}
+        remembers = [
+            name for name, gear in mechanism.gears.items()
+            if name in sought or gear.bristles[0] > 0.0
+        ]  # fmt: skip
+        self._path_hold = self._on_the_path(remembers)
         self.softening = {name: bearing.softening() for name, bearing in self._bearings.items()}
         elastic = self._elastic(loads, tool)
         self._given = np.zeros((len(visits), len(keys)))
@@ -168,14 +172,6 @@ class StaticModel:
         if gear is None or not math.isinf(stated.spread):
             return stated.nominal
         return 1.0 / Teeth(name, gear).stiffness[0]
-
-    def _remembers(self, name: str) -> bool:
-        """Whether a joint's gear has hysteresis, or may have some."""
-        gear = self.mechanism.gears.get(name)
-        sought = any(
-            (unknown.joint, unknown.name) == (name, "hysteresis") for unknown in self.unknowns
-        )
-        return sought or (gear is not None and gear.bristles[0] > 0.0)
 
     def _on_the_path(self, names: Sequence[str]) -> dict[str, np.ndarray]:
         """Torque that the load asks of gears along the whole path, (m,) [N m].
