@@ -309,19 +309,21 @@ def identify_gauged(
         weight, posed = gravity_load(ideal, readings, joint, of_joint, pose)
         _require_yielding(readings, joint, of_joint)
         problem = _problem(readings, joint, of_joint, friction[joint].coulomb, slides)
-        play, compliance, rubs, exponent = problem.unknowns
-        start = np.array([0.5 * play.scale, compliance.scale, rubs.nominal, exponent.nominal])
+        scale, expected = problem.scale, [unknown.nominal for unknown in problem.unknowns]
+        start = np.array([0.5 * scale[0], scale[1], *expected[2:]])
         fitted = fits[joint] = search(problem, start, progress)
-        (first, second, *_) = fitted.estimates()
-        sure = excludes_zero(first.value - first.half_width)
+        play, compliance, *_ = fitted.estimates()
+        # Gravity that exceeds a push may have held the teeth to one side all the time.
+        shows = excludes_zero(play.value - play.half_width)
         reason = ""
         if weight >= smallest:
-            loads = f"{readable(weight, unit, 3)}, more than the smallest push, " + readable(
-                smallest, unit, 3
+            loads = (
+                f"{readable(weight, unit, 3)}, more than the smallest push, "
+                f"{readable(smallest, unit, 3)}"
             )
             if posed:
                 reason = f"gravity loads it by {loads}: push harder, or measure in another pose"
-            elif not sure:  # gravity may have held the teeth to one side all the time
+            elif not shows:
                 reason = (
                     f"gravity may load it by {loads}: say in which pose it was (--pose, or a "
                     "column pose as --plan dial writes it)"
@@ -332,11 +334,13 @@ def identify_gauged(
                     "in which gravity does not (give it by --pose, or in a column pose)"
                 )
         if reason:
-            first = replace(first, reason=reason)
-        else:  # where there may be none, how large it is at most
-            upper = first.value + first.half_width
-            first = replace(first, reason="", bounded=not sure, upper=upper)
-        vague = not narrow(first.unknown, first.value, first.half_width)
+            play = replace(play, reason=reason)
+        else:
+            upper = play.value + play.half_width
+            play = replace(play, reason="", bounded=not shows, upper=upper)
+        estimates += [play, compliance]
+        # Notes on what would tell more, and on what cannot be right.
+        vague = not narrow(play.unknown, play.value, play.half_width)
         if vague and _forces(readings, of_joint) == 2:
             notes.append(
                 f"note: two forces do not tell the play of {joint} from teeth that stiffen: push "
@@ -350,12 +354,11 @@ def identify_gauged(
                 f"warning: a push on {joint} is {readable(largest, unit, 3)}, beyond its limit of "
                 f"effort, {readable(most, unit, 3)}: is it in the unit of its title?"
             )
-        if not slides and first.value > _TURNS:
+        if not slides and play.value > _TURNS:
             notes.append(
                 f"warning: no gear has so much play as {joint}: are angles in the unit of their "
                 "title?"
             )
-        estimates += [first, second]
         notes += _outside(readings, joint, of_joint, fitted)
     return Gauged(
         estimates=tuple(estimates), mechanism=mechanism, readings=readings, fits=fits,

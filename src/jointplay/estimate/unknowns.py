@@ -232,19 +232,15 @@ def listed(
         expected: whether there is a column of expected values.
     """
     hidden = [
-        estimate
-        for estimate in estimates
+        estimate for estimate in estimates
         if vague and estimate.reason and estimate.unknown.name not in PLAYS
-    ]
+    ]  # fmt: skip
     shown = [estimate for estimate in estimates if estimate not in hidden]
     heads = [head] if head else ["joint", "quantity"]
     rows = [[*heads, *(["expected"] if expected else []), "found", "95 % interval"]]
     for estimate in shown:
-        names = (
-            [estimate.label]
-            if head
-            else [estimate.joint or "all", estimate.unknown.name.replace("_", " ")]
-        )
+        names = [estimate.joint or "all", estimate.unknown.name.replace("_", " ")]
+        names = [estimate.label] if head else names
         before = [estimate.unknown.shown(estimate.unknown.nominal)] if expected else []
         rows.append([*names, *before, *estimate.cells()])
     lines = [str(Table.of_texts(rows))] if shown else []
@@ -257,9 +253,8 @@ def listed(
     return "\n".join(lines)
 
 
-_HEADS = (
-    *("joint", "quantity", "unit", "expected", "found", "low", "high", "upper", "reason", "note"),
-)
+_HEADS = "joint", "quantity", "unit", "expected", "found", "low", "high", "upper", "reason", "note"
+"""Columns of `data`: keys of `Estimate.describe`."""
 
 
 def data(estimates: Sequence[Estimate]) -> Table:
