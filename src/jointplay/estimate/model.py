@@ -110,9 +110,9 @@ class StaticModel:
         slides = {name: mechanism.description.joints[name].slides for name in moving(mechanism)}
         names = dict.fromkeys([*mechanism.clearance, *mechanism.gears, *slides])
         rates = visits.speed, visits.acceleration
-        own, inertia, self.levers, tool = _statics(mechanism, visits.joints, q, rates, names)
+        unpushed, inertia, self.levers, tool = _statics(mechanism, visits.joints, q, rates, names)
         loads = {
-            name: own[name] + np.einsum("nki,nk->ni", lever, visits.force)
+            name: unpushed[name] + np.einsum("nki,nk->ni", lever, visits.force)
             for name, lever in self.levers.items()
         }
         self._bearings: dict[str, LoadedBearing] = {}
@@ -136,7 +136,7 @@ class StaticModel:
         driven = dict.fromkeys([*machine.wound, *(name for kind, name in keys if kind == "torque")])
         about = {name: 2 if slides.get(name, False) else 5 for name in driven}
         self._inertia = {name: -inertia[name][:, axis] for name, axis in about.items()}
-        self._hold = {name: -own[name][:, axis] for name, axis in about.items()}
+        self._hold = {name: -unpushed[name][:, axis] for name, axis in about.items()}
         """Torque that holds weight and inertia, without forces on the tool, (n,) [N m or N]."""
         self._arms = {name: self.levers[name][:, :, axis] for name, axis in about.items()}
         """Displacement of the tool by a turn of the joint, arm of forces on it, (n, 3)."""
@@ -190,11 +190,12 @@ class StaticModel:
             speed = np.gradient(smooth, time, axis=0)
             acceleration = np.gradient(speed, time, axis=0)
         q = configurations(self.mechanism, visits.joints, visits.path)
-        own, _, levers, _ = _statics(
+        unpushed, _, levers, _ = _statics(
             self.mechanism, visits.joints, q, (speed, acceleration), dict.fromkeys(names)
         )
         return {
-            name: -own[name][:, 5] - np.einsum("mk,mk->m", levers[name][:, :, 5], visits.path_force)
+            name: -unpushed[name][:, 5]
+            - np.einsum("mk,mk->m", levers[name][:, :, 5], visits.path_force)
             for name in names
         }
 
