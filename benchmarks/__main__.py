@@ -15,8 +15,8 @@ HERE = Path(__file__).resolve().parent
 FOLDERS = {
     "paper": "the paper's comparisons of clearance",
     "cost": "what steps, runs, studies and pages cost",
-    "truth": "results beside theory, converged runs, other engines and measurements",
-    "robustness": "inputs that no one should give, and mistakes that tests must find",
+    "truth": "results compared with theory, converged runs, other engines and measurements",
+    "robustness": "invalid inputs, interruptions, and mistakes that tests must find",
     "pictures": "pages and pictures of the documentation",
 }
 

@@ -46,10 +46,12 @@ def main():
     benchmark = Benchmark("growth", __doc__, runs=0, no_cores=(False, words))
     args = benchmark.parse()
     data = []
+    few = slice(2) if args.quick else slice(None)
+    durations, arms, loosened = DURATIONS[few], JOINTS[few], LOOSE[few]
     with temporary("growth") as folder:
-        steps = [cost(Case().simulation(duration=one)) for one in DURATIONS]
-        joints = [cost(arm(n, 1)) / 20_000 for n in JOINTS]
-        loose = [cost(arm(5, n)) / 20_000 for n in LOOSE]
+        steps = [cost(Case().simulation(duration=one)) for one in durations]
+        joints = [cost(arm(n, 1)) / 20_000 for n in arms]
+        loose = [cost(arm(5, n)) / 20_000 for n in loosened]
         (_, bare, case), outcome = pairs(SHORT_S, 15 if args.quick else 200)
         kept, _ = bookkeeping(outcome, 2000, Path(folder))
     driver = kept + messages(100)
@@ -60,9 +62,15 @@ def main():
     panels = list(axes.flat)
     sweep = [n * (float(np.median(case)) + driver) for n in CASES]
     series = [
-        ("simulated time [s]", DURATIONS, steps, "CPU time [s]", "steps: SCARA"),
-        ("joints of the arm", JOINTS, [1e6 * v for v in joints], "a step [µs]", "joints: arm"),
-        ("joints with clearance of 5", LOOSE, [1e6 * v for v in loose], "a step [µs]", "contacts"),
+        ("simulated time [s]", durations, steps, "CPU time [s]", "steps: SCARA"),
+        ("joints of the arm", arms, [1e6 * v for v in joints], "a step [µs]", "joints: arm"),
+        (
+            "joints with clearance of 5",
+            loosened,
+            [1e6 * v for v in loose],
+            "a step [µs]",
+            "contacts",
+        ),
         ("cases", CASES, sweep, "CPU time [s]", f"cases of {SHORT_S:g} s (reckoned)"),
         ("workers", (1, 2), [1.0, ratio], "cases in a time", f"cores: cases of {LONG_S:g} s"),
     ]

@@ -1,4 +1,4 @@
-"""Play for learners: hinges, tendon and actuator in MuJoCo, MJX and Warp beside the full model.
+"""Play for robot learning: hinges, tendon and actuator in MuJoCo, MJX and Warp, and the full model.
 
     python benchmarks learners [--period 2]
 

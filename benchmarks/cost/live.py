@@ -1,4 +1,4 @@
-"""How soon the live page answers: from the move of a slider to what is drawn, in a browser.
+"""How soon the live page answers, from the move of a slider to the drawing in a browser.
 
 Opens `jointplay live` for the SCARA and for the UR5 (clearance in its elbow; with --all in all six
 joints, too), moves sliders in turn, and measures in the page from the input event until the answer
@@ -107,7 +107,7 @@ def medians(rows):
 
 def main():
     own = {"moves": (30, "of sliders"), "all": (False, "further robots")}
-    options = command(__doc__, "the SCARA alone, two moves", **own).parse_args()
+    options = command(__doc__, "the SCARA alone, one move", **own).parse_args()
     require(options.quick, playwright="pip install 'jointplay[movie]'")
     browser_path = shutil.which("chromium")
     if browser_path is None:
@@ -120,7 +120,7 @@ def main():
 
     robots = ROBOTS | (ALL if options.all else {})
     if options.quick:
-        robots, options.moves = {"SCARA": ROBOTS["SCARA"]}, 2
+        robots, options.moves = {"SCARA": ROBOTS["SCARA"]}, 1
     found = {}
     with sync_playwright() as tools:
         for view, flags in VIEWS.items():

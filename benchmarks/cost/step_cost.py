@@ -207,7 +207,7 @@ def main():
         check=(np.inf, "exit with status 1 if the ratio is above"),
     )
     args = benchmark.parse()
-    duration, repeats = (1.0, 2) if args.quick else (3.0, args.repeats)
+    duration, repeats = (1.0, 1) if args.quick else (3.0, args.repeats)
     pieces = round(duration / Case().step) // CHUNK
     samples: dict[str, list[float]] = {}
     with ProgressBar(total=repeats * pieces, unit="piece") as bar:
@@ -236,8 +236,9 @@ def main():
     setups = mechanism_cost.many_joints()
     many = mechanism_cost.medians(mechanism_cost.samples_of(setups, 20 if args.quick else 200))
     mechanism_cost.print_many({name: one["step"] / one["aba"] for name, one in many.items()})
-    first, warm = starts()
-    print(f"first start {first:.1f} CPU s, warm {warm:.1f}")
+    if not args.quick:  # it compiles all
+        first, warm = starts()
+        print(f"first start {first:.1f} CPU s, warm {warm:.1f}")
     print(f"cycle {costs[ADAPTIVE][1] / costs[fastest][1]:.2f}")
     print(f"ratio {ratio:.2f}")
     if ratio > args.check:

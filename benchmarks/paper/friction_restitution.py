@@ -1,4 +1,4 @@
-"""Friction and restitution: what they do to joint force, impacts, losses and the tool.
+"""Effect of friction and restitution on joint force, impacts, losses and the tool.
 
 The SCARA's 3 s cycle with 0.2 mm clearance in joint B, for every pair of a friction coefficient
 and a coefficient of restitution, each an ensemble of runs.

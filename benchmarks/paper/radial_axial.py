@@ -1,4 +1,4 @@
-"""Radial against axial clearance: which of the two moves the tool and loads the joint.
+"""Radial versus axial clearance: which of the two moves the tool and loads the joint.
 
 The SCARA's 3 s cycle with every pair of a radial and an axial clearance in joint B, each an
 ensemble of runs, because impacts magnify small differences.

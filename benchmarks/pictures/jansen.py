@@ -197,7 +197,9 @@ def main() -> None:
             ]
     # Cycles until the knee's clearance has doubled where it is worn most.
     how = {"runs": 1 if options.quick else 4, "jobs": options.jobs}
-    life = jp.wear(machine("knee"), "knee", 1e-4, blocks=5, cycles_per_run=2.0, **how)
+    life = jp.wear(
+        machine("knee"), "knee", 1e-4, blocks=1 if options.quick else 5, cycles_per_run=2.0, **how
+    )
     lines += ["wear and clearance coupled, knee:", str(life)]
     lines += sensitivity(options.samples, options.phases, options.jobs)
     text = "\n".join(lines) + "\n"

@@ -1,4 +1,4 @@
-"""Law cards: what each contact law does, alone and at work.
+"""Law cards: the behaviour of each contact law, alone and in mechanisms.
 
 Normal force: one impact of a free body, and the restitutions that impacts have. Friction: a block
 whose sliding speed is a slow sinusoid. Film: load, attitude and squeeze against the published

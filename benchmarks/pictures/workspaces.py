@@ -1,4 +1,4 @@
-"""Workspace and play of the gallery's parallel robots, beside published figures.
+"""Workspace and play of the gallery's parallel robots, compared with published figures.
 
 Writes the tables of docs/gallery/README.md.
 """

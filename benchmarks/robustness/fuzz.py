@@ -1,4 +1,4 @@
-"""Many inputs that no one should give: python benchmarks fuzz --cases 20000 --jobs 2
+"""Many invalid inputs: python benchmarks fuzz --cases 20000 --jobs 2
 
 Each case of tests/fuzz/generators.py is judged in a process of its own, a copy of one that has
 imported the package and compiled the kernels, with limits of time and memory: it may crash or hang

@@ -27,7 +27,7 @@ from jointplay.base.progress import ProgressBar
 from jointplay.cli import main as main_of_command
 from jointplay.study.database import FILE
 
-KILLS, QUICK = 200, 4
+KILLS, QUICK = 200, 2
 SCENARIO = """
 [robot]
 urdf = "jointplay:scara.urdf"

@@ -1,4 +1,4 @@
-"""Mutation testing: each deliberate slip in geometry, laws, solver and audit must fail a test.
+"""Mutation testing: each deliberate mistake in geometry, laws, solver and audit must fail a test.
 
     python benchmarks mutation                     every mutant of every target (hours)
     python benchmarks mutation --target geometry --sample 60

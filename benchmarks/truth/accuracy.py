@@ -1,4 +1,4 @@
-"""How far a run at default settings is from a converged one, and which errors no run tells of.
+"""How far a default run is from a converged one, and which errors no run states or warns of.
 
 Without options: the SCARA's first motions with four friction laws, balanced and loaded; slider-
 crank and four-bar of the shipped scenarios; a UR5 with a loose elbow. `--random N` draws cases

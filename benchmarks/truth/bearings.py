@@ -1,4 +1,4 @@
-"""Rolling bearings against published numbers, geometry, energy and a second way to find each.
+"""Rolling bearings compared with published numbers, geometry, energy and a second solver.
 
 Every case has a reference with its origin, and a limit on the relative difference. ISO/TS 16281
 takes the lean of the ring in its first order only; under a combined load that alone shifts the ring

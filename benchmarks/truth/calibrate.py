@@ -1,4 +1,4 @@
-"""Do the intervals of `jointplay calibrate` hold the truth, and is play told where there is some?
+"""Do the intervals of `jointplay calibrate` contain the truth, and is existing play found?
 
 Random robots of three to six joints whose encoders are off, whose joints give way in proportion to
 their load and some of which have play and friction, whose links are longer or shorter than drawn,

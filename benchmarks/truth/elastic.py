@@ -1,4 +1,4 @@
-"""Elastic arms with play, pushed and moved slowly: an own static solver, for `identify.py`.
+"""Elastic arms with play, pushed and moved slowly: a separate static solver for `identify.py`.
 
 Planar arms (in a vertical plane under gravity, or in a horizontal one) whose journals lie in their
 bores, whose joints, gears, links and tool give way, and whose joints stick. Nothing here is

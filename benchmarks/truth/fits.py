@@ -1,4 +1,4 @@
-"""Limits and fits beside two packages on PyPI, pressfit and isofits, at every size they cover.
+"""Limits and fits compared with two packages on PyPI, pressfit and isofits, at every size.
 
 `pip install pressfit isofits`; what is not installed is left out. isofits 1.0 installs modules of
 such names as `data`, so its tables are read from its file, without importing it. Six of its limits

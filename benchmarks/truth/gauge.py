@@ -1,4 +1,4 @@
-"""Does what a dial gauge reads tell a joint's play, and its growth, with the intervals stated?
+"""Do dial gauge readings give a joint's play, and its growth, within the stated intervals?
 
 Joints by another model than the one that is fitted: teeth that stiffen under load, friction,
 gravity that leans on one side, forces and levers that are off, gauges that scatter. Each is pushed

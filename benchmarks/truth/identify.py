@@ -1,4 +1,4 @@
-"""Does identification find what is there, with the intervals stated, and say when it cannot?
+"""Does identification find the true values within its intervals, and say when it cannot?
 
 Random arms by static solvers of their own; `jointplay.identify` is given no stiffness but of some.
 Elastic ones (`elastic.py`): joints, gears, links and tools give way, with stiction, thermal drift,

@@ -1,4 +1,4 @@
-"""Linkages as they are drawn, beside numbers that other code gives.
+"""Linkages given by points, compared with numbers of other programs.
 
 Thirteen linkages of textbooks and test problems are drawn with `jp.Linkage`. Compared with each are
 its output over the motion (closed forms), peak force of the loose pin if it were ideal and moment

@@ -1,4 +1,4 @@
-"""Does moving forth and back under a dial tell the lost motion, with the intervals stated?
+"""Do moves back and forth under a dial gauge give the lost motion within the stated intervals?
 
 Axes by another model than the one that is fitted: links held by friction that creeps before it
 slides (Dahl's), teeth that stiffen, screws and dials that are off in scale, machines that warm up
@@ -102,7 +102,7 @@ def main() -> None:
         quickly=(0, "1: all warm up within the first moves"),
     )  # fmt: skip
     args = benchmark.parse()
-    number = min(args.axes, 40) if args.quick else args.axes
+    number = min(args.axes, 12) if args.quick else args.axes
     rows = measured(number, args.seed, QUICKLY if args.quickly else SLOWLY)
     table = []
     for what in ("interval", "bound", "cannot tell"):

@@ -1,4 +1,4 @@
-"""Robots that were measured: what play, elasticity, offsets and encoder errors explain.
+"""Measured robots: what play, elasticity, offsets and encoder errors explain.
 
 Public measurements, read from clones of their repositories; nothing of them is in this package:
 

@@ -1,4 +1,4 @@
-"""Arms with rolling bearings, seats and gears, pushed and moved slowly: statics of their own.
+"""Arms with rolling bearings, seats and gears, pushed and moved slowly: a separate static solver.
 
 Positions, loads and displacements are found in numpy in the displaced position, by repeated
 substitution (an arm is statically determinate). Each bearing rests by its own law, each gear

@@ -1,4 +1,4 @@
-"""Plane linkages in absolute coordinates, apart from the package: what `linkages` compares with.
+"""Plane linkages in absolute coordinates, apart from the package: the reference of `linkages`.
 
 Each body has three coordinates: where the drawing's origin has moved with it (a complex number) and
 its angle. Pins, slides and drives are constraints between bodies: Newton's method finds places, one

@@ -1,4 +1,4 @@
-"""Configurations drawn at random, for `accuracy.py`: the same for the same seed and number.
+"""Random configurations for `accuracy.py`: the same for the same seed and number.
 
 Mechanisms in turn: SCARA, UR5, Panda, Kinova, Z1, slider-crank, four-bar, a slider in a guide, arms
 of 3 m and 4 m links, gears with play, payloads; one or two joints with clearance of 0.02 to 1 mm;

@@ -54,12 +54,12 @@ def command_line():
             write(f"reference/{page}", command_page(name, every[name]))
         lines.append("")
     whole = [action for action in parser()._actions if action.dest in ("version", "completion")]
-    lines += ["## Of jointplay itself", "", *options(parser(), whole), ""]
+    lines += ["## Options of jointplay itself", "", *options(parser(), whole), ""]
     write("reference/command_line.md", "\n".join(lines))
 
 
 INTRODUCTION = (
-    "`jointplay COMMAND --help` shows on one screen what is needed most often, `--help all` what "
+    "`jointplay COMMAND --help` shows the most common options on one screen, `--help all` all that "
     'these pages show. Values are in SI units, or carry a unit, as in `"0.1 mm"`.',
     "",
 )
@@ -133,7 +133,7 @@ def law_tables():
     lines = [
         "# Laws by name",
         "",
-        "Written from the laws themselves; [Laws](../laws.md) explains them.",
+        "This page is generated from the source; [Laws](../laws.md) explains the laws.",
         "",
     ]
     for title, laws in (
@@ -149,7 +149,7 @@ def law_tables():
 
 
 def assumptions():
-    head = "# What reports assume\n\nAs reports state it for each run to which it applies.\n\n"
+    head = "# What reports assume\n\nReports list these for each run to which they apply.\n\n"
     table = Table.of_texts([("runs with", "assumed"), *all_assumptions()])
     write("reference/assumptions.md", f"{head}{table.markdown()}\n")
 
@@ -196,7 +196,7 @@ def api():
     lines = [
         "# Python",
         "",
-        "What `import jointplay as jp` offers, with its packages, by module. Units are SI.",
+        "All that `import jointplay as jp` and its packages offer, by module. Units are SI.",
         "",
     ]
     package = ""

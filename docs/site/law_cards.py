@@ -113,7 +113,7 @@ class Cards:
 
     def work(self, family, name):
         """Both mechanisms' tables, parameters and warnings."""
-        parts = ["## At work"]
+        parts = ["## In mechanisms"]
         for mechanism, labels in self.data["figures"].items():
             trial, other = self.trial(mechanism, family, name)
             rows = [["", *labels.values()], ["this law", *self.cells(trial, other)]]
@@ -169,30 +169,30 @@ $$
         parts = [
             f"""# Law cards
 
-What each contact law does, alone and in two mechanisms beside the paper's laws. Measured by
-`python benchmarks laws`; [the data](../data/law_cards.json) has every run.
+The cards show each contact law alone, and in two mechanisms compared with the paper's laws. They
+were computed by `python benchmarks laws`; [the data](../data/law_cards.json) has every run.
 
 - **SCARA**: joint B with C_r = C_a = 0.2 mm, weight balanced, {data["cycle"]}, step 10 µs;
-  restitution 0.9, friction 0.1. Figures are judged from 0.15 s on, when the journal has fallen.
+  restitution 0.9, friction 0.1. Figures count from 0.15 s on, when the journal has fallen.
 - **Slider-crank**: 5000 rpm, planar piston pin with C_r = 0.5 mm, {data["turns"]} turns, step
-  1 µs; restitution 0.9, friction 0.01. Figures are judged from the second turn on.
-- **The paper's laws**: `lankarani-nikravesh` and `ambrosio`. A law of normal force works with the
-  latter, a law of friction with the former, a film with both where the journal touches.
-- **Parameters** are the defaults, and on the card. Of friction laws in the slider-crank,
-  coefficients and bristle stiffness are a tenth of the defaults and speeds ten times as high, as
-  slider_crank.toml has it for eq. 21. `hunt-crossley` has p = 1, for with its defaults it is
-  `lankarani-nikravesh`. `kelvin-voigt` has one damping everywhere, `anagnostopoulos` the effective
-  mass of the place.
-- **Films** stand in bearings of a slenderness they are made for, beside the same joints without
-  oil. End walls stay dry.
-- **Steel**: the paper's, with a density of 7800 kg/m³, so that fast approaches are warned of; no
-  yield strength, so that pressures are not.
+  1 µs; restitution 0.9, friction 0.01. Figures count from the second turn on.
+- **The paper's laws** are `lankarani-nikravesh` and `ambrosio`. A normal-force law is combined with
+  the latter, a friction law with the former, a film with both where the journal touches.
+- **Parameters** are the defaults, and stand on the card. For friction laws in the slider-crank,
+  coefficients and bristle stiffness are a tenth of the defaults and speeds ten times as high, as in
+  slider_crank.toml for eq. 21. `hunt-crossley` has p = 1, because with its defaults it is
+  `lankarani-nikravesh`. `kelvin-voigt` has the same damping everywhere, `anagnostopoulos` the local
+  effective mass.
+- **Films** are in bearings of a slenderness that they are valid for, and compared with the same
+  joints without oil. End walls stay dry.
+- **Steel** is the paper's, with a density of 7800 kg/m³, so fast approaches cause a warning; it has
+  no yield strength, so pressures cause none.
 - **Figures** are mean ± standard deviation of {data["runs"]} runs whose journals start displaced.
   **Bold** ones differ from those of the paper's laws, or of the dry joint, by more than chance
-  (Welch's test at {100 * SIGNIFICANT:g} %: of a hundred equal ones, one is bold). Warnings: how
-  many of the law's range the first run raised; the card has them.
-- **†**: the audit warns of more than the law's range, the card says of what. Such peak forces are
-  not compared.{"" if doubtful else " It never does here."}
+  (Welch's test at {100 * SIGNIFICANT:g} %: one of a hundred equal ones is bold). The column of
+  warnings counts those of the law's range in the first run; the card has them.
+- **†** means that the audit has other warnings, which are on the card. Such peak forces are not
+  compared.{"" if doubtful else " There are none here."}
 """
         ]
         for family, title in TITLES.items():

@@ -18,6 +18,7 @@ _FILE = re.compile(r"\[\w+\.md\]\(([^)#]+\.md)")
 _STRANGE = re.compile(
     r"<script[^>]*>(?:(?!</script>).)*?https?://cdnjs(?:(?!</script>).)*?</script>", re.S
 )
+_SOURCE = re.compile(r'(<a href="(?:\.\./)+\w+)\.md(?=["#])')
 _FORMULA = re.compile(r'<(span|div) class="arithmatex">(.*?)</\1>', re.S)
 _PRINTED = re.compile(
     r'(<div class="language-(?:text|console) highlight"><pre><span></span><code>)(.*?)(</code>)',
@@ -94,6 +95,8 @@ def on_page_content(content, **_):
     return _TYPED.sub(whole, _INLINE.sub(whole, content))
 
 
-def on_post_page(output, **_):
-    """Pages of notebooks bring a script that fetches another one; nothing here is fetched."""
+def on_post_page(output, page, **_):
+    """Pages of notebooks: without a script that fetches another one, links to pages as built."""
+    if page.file.src_uri.endswith(".ipynb"):
+        output = _SOURCE.sub(r"\1.html", output)
     return _STRANGE.sub("", output)

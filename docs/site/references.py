@@ -73,9 +73,9 @@ def page():
     lines = [
         "# References",
         "",
-        "Everything that code and pages cite, and what of it was read: *seen in* names the place, "
-        "*not seen* was written from memory or from the works that cite it. Written from "
-        "`docs/references.bib`.",
+        "Everything that code and pages cite, and which part of it was read. *Seen in* names where "
+        "it was read; what was *not seen* is from memory or from works that cite it. This page is "
+        "generated from `docs/references.bib`.",
         "",
         "| reference | read |",
         "| --- | --- |",

@@ -1,4 +1,4 @@
-"""Error budgets, their poses, their command."""
+"""Error budgets, their poses and their command."""
 
 import csv
 import io
@@ -106,7 +106,7 @@ def test_cures_of_play_are_told_beside_each_other(urdf, axis, axial, left):
 
 
 def test_compensated_motion_takes_back_a_servos_sag_and_a_stiffer_gain_half_of_it(arm):
-    """15 N m on a P servo of 200 N m/rad: judged by what `compensate` leaves in its own runs."""
+    """15 N m on a P servo of 200 N m/rad: judged by runs of the motion that `compensate` gives."""
     servo = Servo(voltage=480.0, torque_constant=1.0, resistance=1.0, p_gain=200.0, encoder="motor")
     robot = Mechanism(arm, gears={"j": Gear(2e-3, 0.1, 1e4, 5.0)}, gravity=(0.0, -9.81, 0.0))
     found = budget(robot, {}, drive=servo)
@@ -122,7 +122,7 @@ def test_compensated_motion_takes_back_a_servos_sag_and_a_stiffer_gain_half_of_i
 
 
 def test_a_spring_holds_the_teeth_where_the_weight_changes_sides(arm):
-    """3 kg at half a metre, upright and tipped to either side by 0.1 and 0.2 rad."""
+    """3 kg at half a metre, tipped from upright to either side by 0.1 and 0.2 rad."""
     robot = Mechanism(arm, gears={"j": Gear(2e-3, 0.1, 1e4)}, gravity=(-9.81, 0.0, 0.0))
     q = np.concatenate([poses.at_pose(robot, {"j": x}) for x in (-0.1, 0.2)])
     found = budget(robot, q, drive=ComputedTorque(encoder="motor"))
@@ -152,7 +152,7 @@ def test_at_rest_the_tool_hangs_as_far_down_as_it_can(arm):
     joint = bearing(lock_axial=True, stiffness=RIGID)
     mechanism = Mechanism(arm, {"j": joint})
     found = budget(mechanism, {}, second_order=False)
-    # Contacts give way a little, and a leaning journal has a little more room.
+    # Contacts deflect a little, and leaning widens the play a little.
     assert found.rest[0, 0, 2] == pytest.approx(-2.0 * 1e-4 / joint.lj * REACH, rel=2e-3)
     light = budget(mechanism, {}, second_order=False, force=(0.0, 0.0, 60.0))
     assert light.rest[0, 0, 2] == pytest.approx(2.0 * 1e-4 / joint.lj * REACH, rel=2e-3)
@@ -380,15 +380,15 @@ def hung(urdf, **changes):
 def test_friction_holds_a_journal_up_to_its_angle_of_friction_in_the_bore(urdf, mu):
     found = budget(hung(urdf), {}, friction=mu)
     (x, y, z, distance) = found.rest_interval[0]
-    # The octagon around the cone is at most 1 / cos(pi/8) as wide.
+    # A polygon around the cone is at most 1 / cos(pi/8) as wide.
     low, high = (1e-4 * np.sin(np.arctan(mu * more)) for more in (1.0, 1.0 / np.cos(np.pi / 8)))
-    # States count that balance to 0.3 %.
+    # States that balance to 0.3 % count.
     assert low - 1e-9 <= x[1] <= high + 6e-7
     assert low - 1e-9 <= -x[0] <= high + 6e-7
     assert z[0] == pytest.approx(-1e-4, rel=3e-3)
     assert z[1] == pytest.approx(-1e-4 * np.cos(np.arctan(mu)), abs=4e-6 * mu + 1e-6)
     assert y == pytest.approx([0.0, 0.0], abs=1e-9)
-    # Of the set's convex hull, and from 180 directions on the safe side.
+    # Distances are those of the set's convex hull, on the safe side of 180 directions.
     assert 0.94 * 1e-4 * np.cos(np.arctan(mu)) <= distance[0] <= 1.0001e-4
     assert 0.999e-4 <= distance[1] <= 1.02e-4
 
@@ -402,7 +402,7 @@ def test_the_friction_of_its_law_is_assumed_and_said(urdf):
 
 
 def test_a_journal_that_stands_on_its_face_is_held_anywhere_across_by_enough_friction(urdf):
-    # Weight along the axis, a side force a twentieth of it: friction of the face bears 0.1.
+    # The face bears the weight, and its friction of 0.1 holds a side force of 0.05 of that.
     path = urdf(body("arm", mass=2.0, com="0 0 0"), joint("j", "base", "arm"))
     mechanism = Mechanism(path, {"j": bearing(stiffness=RIGID)}, tool="arm")
     side = (2.0 * 9.81 / 20.0, 0.0, 0.0)
@@ -457,7 +457,7 @@ def test_the_table_says_whether_friction_decides_where_the_tool_rests(urdf):
 
 
 def loose_joints(name):
-    """A case of benchmarks/truth/statics.py, with what looks at its journals."""
+    """A case of benchmarks/truth/statics.py, with the search for states of its journals."""
     from truth import statics as brute
 
     case = (brute.CASES | brute.PAIRS)[name]
@@ -476,7 +476,7 @@ def test_frictions_interval_holds_what_a_search_of_all_contacts_finds_and_little
     (low, high), ends = (states.min(axis=0), states.max(axis=0)), found.rest_interval[0, :3]
     less, more = 0.01 * (high - low) + 1e-6, 0.15 * (high - low) + 6e-6
     if not mu:
-        # Of least energy, counted within 1e-7: the ends are known to about 3 um where it is flat.
+        # States within 1e-7 of the least energy: where it is flat the ends are known to 3 um.
         play = found.axis_worst[0].sum(axis=0)[:3]
         less, more = 4e-3 * play, 1e-2 * play
     more += found.second_order[0]
@@ -551,7 +551,7 @@ def test_a_file_of_poses_that_cannot_be_is_refused(two, tmp_path, capsys, text, 
 
 
 def test_a_joint_that_gives_way_beyond_its_play_is_named_in_the_answer():
-    """The elastic tilt of a single ball bearing is a third of what its play lets it tilt."""
+    """The elastic tilt of a single ball bearing is a third of the tilt in its play."""
     found = budget(Mechanism("ur5", {"elbow_joint": BallBearing(designation="6204")}), {})
     turned = np.linalg.norm(found.rest_positions.at(0).error[3:])
     assert turned > 1.2 * found.worst_turn[0]
@@ -560,7 +560,7 @@ def test_a_joint_that_gives_way_beyond_its_play_is_named_in_the_answer():
 
 @pytest.mark.parametrize(("encoder", "at_rest"), [("link", 0.0), ("motor", 5e-4 * REACH)])
 def test_where_a_gears_play_shows_at_rest_depends_on_the_encoder(arm, encoder, at_rest):
-    """An encoder on the link has the drive put the link right; the table and the sentence agree."""
+    """With an encoder on the link the drive corrects the link; table and sentence agree."""
     mechanism = Mechanism(arm, gears={"j": Gear(1e-3, 0.1, 1e7)}, gravity=(0.0, -9.81, 0.0))
     found = budget(mechanism, {}, drive=ComputedTorque(encoder=encoder))
     (row,) = np.linalg.norm(found.rest[0, :, :3], axis=1)
@@ -578,7 +578,7 @@ def test_a_budget_says_what_its_columns_mean(arm):
 
 @pytest.mark.parametrize("bearing", ["plain", "rolling"])
 def test_states_that_have_settled_are_those_of_a_search_of_all(bearing, monkeypatch):
-    """Leaning by gravity, so that the loads change with the state."""
+    """The journals lean by gravity, so that their loads change with the state."""
     made = {
         "plain": RevoluteClearance(radial_clearance=1e-4, axial_clearance=1e-4),
         "rolling": BallBearing(designation="6002", radial_clearance=2e-5),
@@ -590,10 +590,10 @@ def test_states_that_have_settled_are_those_of_a_search_of_all(bearing, monkeypa
 
 
 def test_rolling_bearings_rest_where_their_elements_balance_the_load():
-    """Their frictionless rings have one place of rest, which the interval holds, and little more.
+    """The interval of frictionless rings holds their one position of rest, and little more.
 
-    By the static search of all joints together, as a run at rest begins: a run of 0.6 s of three
-    stays at 1.3737 mm.
+    A run of the three bearings, which begins at the statics of all joints together, stays at
+    1.3737 mm for 0.6 s.
     """
     names = [f"wrist_{i}_joint" for i in (1, 2, 3)]
     machine = Mechanism("ur5", {name: BallBearing(designation="6204") for name in names})
@@ -607,7 +607,7 @@ def test_rolling_bearings_rest_where_their_elements_balance_the_load():
 
 @pytest.mark.parametrize("encoder", ["link", "motor"])
 def test_play_about_an_axis_through_the_tool_moves_it_nowhere(encoder):
-    """20 degrees of it, about an axis found through six joints."""
+    """20 degrees of play, about an axis found through six joints."""
     machine = Mechanism("ur5", gears={"wrist_3_joint": Gear(np.radians(20.0), 0.1, 1e4)})
     pose = dict.fromkeys(("shoulder_pan_joint", "elbow_joint", "wrist_1_joint"), 0.7)
     found = budget(machine, pose, drive=ComputedTorque(encoder=encoder))
@@ -637,7 +637,7 @@ def test_a_corrected_motion_leaves_a_part_of_the_play_not_of_the_wind_up(arm):
 
 
 def test_the_worst_turn_in_the_answer_is_that_of_all_poses():
-    """Turns of two gears add up where their axes are parallel, and there the arm is not long."""
+    """Rotations by two gears add up where their axes are parallel, but the arm is short there."""
     machine = Mechanism("ur5", gears={n: Gear(1e-2, 0.1, 1e4) for n in
                                       ("shoulder_pan_joint", "wrist_1_joint")})  # fmt: skip
     q = np.zeros((2, machine.model.nq))

@@ -140,13 +140,13 @@ def test_a_door_leans_as_far_as_its_two_hinges_allow_each_other(door):
     make, height = door
     hinge = bearing(lock_axial=True, stiffness=1e14)
     found = budget(make({"lower": hinge, "upper": hinge}), {}, second_order=False)
-    # Both lean by the same angle, and their centres are aside by height/2 times it.
+    # Both lean by the same angle, and their centres are displaced by height/2 times it.
     lean = 2.0 * PLAY / (height + hinge.lj)
     assert found.axis_worst[0, :, 4].sum() == pytest.approx(lean, rel=2e-4)
     assert found.axis_worst[0, :, 2].sum() == pytest.approx(0.5 * lean, rel=2e-4)
     assert found.axis_worst[0, :, 0].sum() == pytest.approx(PLAY, rel=2e-4)
     assert found.rest_tool[0, 2] == pytest.approx(-0.5 * lean, rel=2e-3)
-    # Alone, against a hinge without play, none can move.
+    # Against a hinge without play, the other cannot move.
     assert budget(make({"lower": hinge}), {}).worst[0] == pytest.approx(0.0, abs=1e-12)
 
 
@@ -163,7 +163,7 @@ def test_two_hinges_of_a_door_bear_in_the_budget_what_a_run_finds_at_rest(door):
     for j, name in enumerate(found.joints):
         size = np.linalg.norm(found.rest_positions.at(0).loads[j, :3])
         assert size == pytest.approx(np.linalg.norm(ran[name]), rel=0.02)
-        # Neither stands still without the other: the leaf hangs on the upper hinge.
+        # Both bear load: the leaf's weight pulls at the upper hinge and pushes at the lower.
         assert size > 0.5 * 9.81 * 0.25 / height
         assert f"{name} {size:.4g} N" in str(found.table())
     assert np.isnan(found.rest).all()  # none moves the tool alone
@@ -193,7 +193,7 @@ def test_pins_that_lean_together_lift_the_coupler_as_far_as_the_loop_reaches(fou
     assert (reached >= bound * (1.0 - 1e-3)).all()
     ties = found.model.tie
     assert np.abs(np.einsum("jnri,jnmi->nmr", ties, states.point)).max() < 1e-10
-    # What no loop holds could reach farther.
+    # Without ties the plays could reach farther.
     apart = replace(found.model, tie=ties[:, :, :0]).along(d).value.sum(axis=0)
     assert (bound <= apart * (1.0 + 1e-9)).all()
     assert bound.sum() < 0.9 * apart.sum()
@@ -328,7 +328,7 @@ def test_causes_move_the_slider_as_links_of_other_lengths_and_another_angle_do()
 
 
 def test_geometry_of_a_loop_counts_as_far_as_it_closes(door):
-    """Of two hinges aside only what both have in common is left, as neither can tilt."""
+    """As neither hinge can tilt, both can only be offset together."""
     make, _ = door
     errors = RobotErrors(axis_offset=1e-4, axis_tilt=0.0)
     found = budget(make({}), {}, causes=["geometry"], errors=errors)

@@ -1,4 +1,4 @@
-"""Motions that take the play out: sides, shifts, limits, judgement, files, the command."""
+"""Compensation of play: sides, shifts, limits, judgement by runs, files, the command."""
 
 import csv
 import subprocess
@@ -41,12 +41,12 @@ from jointplay.study.corners import judge, learn, tool_errors, trust_of, varied
 
 PLAY, STIFFNESS, MASS, ARM, REACH = 4e-3, 800.0, 2.0, 0.3, 0.5
 WEIGHT = 9.81 * MASS * ARM
-"""Torque of the arm's weight where it lies level [N m]."""
+"""Torque of the arm's weight when the arm is level [N m]."""
 
 
 @pytest.fixture
 def level(urdf):
-    """One joint about -y, whose weight presses it one way."""
+    """One joint about -y, which its weight presses one way."""
     arm = body("arm", mass=MASS, com=f"{ARM} 0 0")
     return urdf(arm, joint("j", "base", "arm", axis="0 -1 0"), tip("arm"))
 
@@ -101,7 +101,7 @@ def test_friction_of_a_joint_that_stands_leaves_its_side_open(level):
     assert found.undecided[still].all()
     assert found.undecided_stops[0] == (0.0, ("j",))
     assert any("stops with an undecided side" in line for line in found.notes)
-    # The way back is pushed down by friction that exceeds the weight.
+    # On the way back friction, which exceeds the weight, presses the other flank.
     assert found.crossings[0] == 1
     kept = found.shift[-1, 0]
     assert kept < 0.0
@@ -160,7 +160,7 @@ def test_without_play_and_lag_there_is_nothing_to_compensate(level):
 
 @pytest.mark.thorough
 def test_stops_approached_from_one_side_do_not_ask_how_large_friction_is(upright):
-    """Braking outdoes the friction of the model, and not that of the joint, or the other way."""
+    """Braking exceeds the friction of the model but not that of the joint, or the reverse."""
     motion = Motion(["j"], [0.0, 0.4, 1.2, 1.6, 2.4], [[0.0], [0.1], [0.1], [0.0], [0.0]])
     friction = {"j": JointFriction(coulomb=0.5)}
     own = replace(simulated(machine(upright)), motion=motion, joint_friction=friction)
@@ -204,7 +204,7 @@ def test_one_approach_is_for_all_stops_until_the_joint_moves_again():
 
 
 def test_friction_of_journals_holds_teeth_as_that_of_the_joint_does(upright):
-    """Of the two ends that carry the arm's tilt, and of the rim that carries its weight."""
+    """Friction of both rims, which bear the arm's moment, and of the face that bears its weight."""
     radius, length, mu = 0.02, 0.1, 0.2
     bearing = RevoluteClearance(
         radial_clearance=1e-4, axial_clearance=1e-4, bearing_radius=radius, bearing_length=length,
@@ -212,10 +212,10 @@ def test_friction_of_journals_holds_teeth_as_that_of_the_joint_does(upright):
     )  # fmt: skip
     mechanism = machine(upright).with_clearance({"j": bearing})
     own = simulated(mechanism, to=1e-3)
-    _, rubbing = module._journals(own, np.linspace(0.0, 0.8, 5), False)
+    _, friction = module._journals(own, np.linspace(0.0, 0.8, 5), False)
     hinge = mechanism.clearance["j"].hinge
     expected = hinge.radius * mu * (2.0 * WEIGHT / hinge.length + 9.81 * MASS)
-    assert rubbing["j"][1] == pytest.approx(expected, rel=1e-3)
+    assert friction["j"][1] == pytest.approx(expected, rel=1e-3)
     both = compensate(own)
     moving = np.abs(own.motion(both.times)[1][:, 0]) > module.STILL
     assert both.undecided[~moving].all()
@@ -225,7 +225,7 @@ def test_friction_of_journals_holds_teeth_as_that_of_the_joint_does(upright):
 
 
 def test_a_journal_that_turns_rests_where_its_friction_lets_it_climb(level):
-    """Aside of the load by atan(mu), as a run finds it; its drive lags by friction along z."""
+    """It rests atan(mu) beside the load, as in a run; the drive lags by the axial friction."""
     mu, left = 0.3, {}
     motion = Motion(["j"], [0.0, 0.2, 1.0, 1.2], [[0.0], [0.02], [0.42], [0.44]])
     for law in (Coulomb(mu_d=mu), Coulomb(mu_d=0.0)):
@@ -295,12 +295,12 @@ def test_the_engine_finds_the_tool_nearer_by_the_corrected_motion(level, kind):
     assert len(judged.corners) == 5
     assert judged.most_left.label == "play +30 %, stiffness -30 %"
     assert not judged.worse
-    # Level, the teeth never cross: the sign of the speed moves them for nothing.
+    # On a level arm the teeth never cross: a shift by the sign of the speed is wrong.
     assert judged.firmware.rms > judged.nominal.after.rms
 
 
 def test_least_gain_and_largest_rest_are_named_of_all_corners(level):
-    """Least is gained where play and wind-up are small, most is left where they are large."""
+    """The gain is least where play and wind-up are small; most is left where they are large."""
     own = simulated(machine(level), to=1e-6)
     judged = judge(compensate(own), {"play": 0.3, "stiffness": 0.2}, jobs=1)
     off = {}
@@ -319,8 +319,7 @@ def test_least_gain_and_largest_rest_are_named_of_all_corners(level):
 
 
 def _plane_moves(pose):
-    """How joints about y of links of 0.4 and 0.3 m along x move their end along x and z, and turn
-    it."""
+    """Jacobian of two joints about y, of links of 0.4 and 0.3 m along x: x, z and rotation."""
     first, second = pose["j1"], pose["j1"] + pose["j2"]
     x = np.array([0.4 * np.cos(first) + 0.3 * np.cos(second), 0.3 * np.cos(second)])
     z = -np.array([0.4 * np.sin(first) + 0.3 * np.sin(second), 0.3 * np.sin(second)])
@@ -328,7 +327,7 @@ def _plane_moves(pose):
 
 
 def test_the_position_comes_before_the_turn_unless_a_size_weighs_them(urdf):
-    """Two joints of a plane set the position exactly; a third turns the tool, and moves it not."""
+    """Two joints of a plane arm set the position exactly; a third turns the tool in place."""
     arm = [
         *(body(name, mass=1.0, com="0.2 0 0") for name in ("a", "b")),
         joint("j1", "base", "a", axis="0 1 0"),
@@ -355,7 +354,7 @@ def test_the_position_comes_before_the_turn_unless_a_size_weighs_them(urdf):
 
 @pytest.mark.thorough
 def test_the_error_left_is_that_of_the_models_mistake(level):
-    """With play wrong by a part, half of it is left at the arm's end."""
+    """The error of half the play is left, at the arm's end."""
     own = simulated(machine(level), to=1e-6)
     found = judge(compensate(own), {"play": 0.3}, jobs=1)
     for one in found.corners[1:]:
@@ -610,7 +609,7 @@ def test_corners_are_the_ends_of_a_presets_intervals(level, tmp_path):
         f"{play} {one} ends" for play in ends for one in ("lower", "upper")
     ]
     assert judged.least_gain.label == "play at its lower ends, stiffness at its upper ends"
-    # Half of what the play is smaller by, and less wind-up.
+    # The errors of half the play and of the wind-up are left.
     off = 0.5 * (PLAY - 3e-3) + WEIGHT / STIFFNESS - WEIGHT / 900.0
     assert judged.least_gain.after.rms == pytest.approx(off * REACH, rel=0.02)
     bearing = RevoluteClearance(radial_clearance=1e-4, axial_clearance=1e-4)
@@ -652,7 +651,7 @@ def test_a_clearance_alone_is_for_all_joints_as_in_a_budget(level, tmp_path):
 
 
 def test_a_format_that_knows_no_such_axis_stops_no_other(upright, tmp_path):
-    """And a rule that is judged without friction, which nobody gave, says so."""
+    """A rule judged without friction, which nobody gave, says so."""
     motion, out = tmp_path / "m.csv", tmp_path / "out"
     motion.write_text("time_s,j\n0,0\n0.4,0.5\n0.8,0\n")
     command = [JOINTPLAY, "compensate", upright, "--gear", "j=0.1 mrad", "--motion", motion]
@@ -663,7 +662,7 @@ def test_a_format_that_knows_no_such_axis_stops_no_other(upright, tmp_path):
     done = subprocess.run(list(map(str, command)), capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     said = done.stdout + done.stderr
-    assert "no file for marlin: nothing to tell marlin, which knows axes X, Y" in said
+    assert "no file for marlin: no compensation for marlin: it knows axes X, Y" in said
     assert "that is without dry friction in j" in said
     assert {"motion.csv", "j.comp", "grblhal.txt"} < {one.name for one in out.iterdir()}
 
@@ -695,7 +694,7 @@ def test_a_motion_of_some_joints_leaves_the_others_where_they_start(tmp_path):
 @pytest.mark.thorough
 @pytest.mark.parametrize(("name", "more"), [("so101", 0.06), ("ar4", 0.02)])
 def test_what_the_budget_says_compensation_leaves_is_what_its_motion_does(name, more):
-    """Stopped at a pose with play 30 % larger than was corrected for, in preset robots."""
+    """Preset robots stop at a pose with play 30 % larger than was corrected for."""
     known = preset(name)
     robot = known.mechanism()
     target = np.array({
@@ -720,7 +719,7 @@ def test_what_the_budget_says_compensation_leaves_is_what_its_motion_does(name, 
 
 
 def test_a_motion_without_stops_is_told_nothing_of_them(level):
-    """Large ratios are told as numbers of two digits."""
+    """And large ratios are given to two digits."""
     judged = judge(compensate(simulated(machine(level))), jobs=1)
     judged = replace(judged, firmware=replace(judged.firmware, at_stops=np.nan))
     (rule,) = [note for note in judged.notes if "firmware's rule" in note]

@@ -43,7 +43,7 @@ def test_worst_case_and_variance_against_random_states_of_the_exact_kinematics(r
     assert found.reached == pytest.approx(found.worst[0], rel=0.02)
     assert np.sqrt((distance**2).mean()) == pytest.approx(found.rms[0], rel=0.02)
     spread = np.cov(drawn.T)
-    # Drives sag by 1.4 mm under the force, which turns the smallest component by its second order.
+    # The force makes drives sag by 1.4 mm, whose second order changes the smallest component.
     assert np.diag(spread) == pytest.approx(np.diag(found.covariance[0]), rel=0.04)
     assert drawn.mean(axis=0) == pytest.approx(found.mean[0], abs=0.02 * found.rms[0])
 
@@ -191,7 +191,7 @@ def test_a_gear_gives_way_as_much_whether_or_not_its_play_is_given():
 
 
 def test_drives_sag_under_what_they_do_not_know_and_servos_under_all():
-    """kp = (100 rad/s)^2 M of the elbow and what follows; by the statics of a budget of play."""
+    """Computed torque has kp = (100 rad/s)^2 M; the statics of a budget of play find the sag."""
     load = jp.Payload("tool0", 5.0)
     robot = jp.Mechanism("ur5", gears={"elbow_joint": jp.Gear(1e-9, 0.1, 1e12)})
     rest = budget(robot, POSE, payloads=[load]).rest_positions.at(0)

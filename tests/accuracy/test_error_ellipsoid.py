@@ -28,7 +28,7 @@ def arm(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def run(arm):
-    """It dwells, and has come to rest."""
+    """A run in which the arm dwells, and has come to rest."""
     bearing = jp.RevoluteClearance(radial_clearance=PLAY, axial_clearance=PLAY)
     motion = jp.Motion(["a"], [0.0, 0.05, 0.1], [[0.0], [0.05], [0.05]])
     return jp.simulate(jp.Mechanism(arm, {"a": bearing}, tool="tool"), motion, duration=0.2)
@@ -67,7 +67,7 @@ def test_the_page_holds_the_set_along_the_run_and_the_tool_rests_in_it(run):
     xx, xy, xz, yy, yz, zz = rows[-1, :6]
     root = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     away = unpack(block, case["tool"])[-1] - unpack(block, case["ghost"]["tool"])[-1]
-    # Contacts give way a little under the weight.
+    # Contacts deflect a little under the weight.
     assert np.linalg.norm(np.linalg.solve(root, away)) < 1.1
     assert away[2] < -0.5 * rows[-1, 6]
     assert rows[-1, 7] <= rows[-1, 6]

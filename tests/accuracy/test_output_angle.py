@@ -1,4 +1,4 @@
-"""Budgets of outputs that are angles, beside kinematics written anew."""
+"""Budgets of outputs that are angles, against kinematics written anew."""
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ PLAY = 1e-4
 
 
 def rocker(crank, aside, guess):
-    """Angles of coupler and rocker whose pins together are `aside` (2,) [m]."""
+    """Angles of coupler and rocker with pins displaced by `aside` (2,) [m] in sum."""
     near = CRANK * np.array([np.cos(crank), np.sin(crank)]) + aside
 
     def gap(angles):
@@ -54,7 +54,7 @@ def test_the_budget_of_a_rocker_is_its_angle(machine):
             rocker(crank, 2 * PLAY * np.array([np.cos(way), np.sin(way)]), guess)[1] - guess[1]
             for way in ways
         ]
-        # The first order, beside corners: its second order is a percent here.
+        # Exact kinematics with the pins aside: the second order is a percent here.
         assert worst == pytest.approx(np.abs(turned).max(), rel=0.01)
     np.testing.assert_allclose(found.shares, 0.5, atol=1e-6)
     said = found.sentence

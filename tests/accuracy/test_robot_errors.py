@@ -1,4 +1,4 @@
-"""Errors of robots besides play: classes, the table of scenario files, what is given of it."""
+"""Errors of robots besides play: classes, and the table of them in scenario files."""
 
 from dataclasses import replace
 
@@ -126,7 +126,7 @@ def test_what_is_given_counts_more_than_the_class_and_that_of_a_joint_most(scara
 
 
 def test_no_sweep_goes_over_what_runs_do_not_have():
-    with pytest.raises(JointplayError, match="no sweep goes over 'errors'"):
+    with pytest.raises(JointplayError, match="a sweep cannot vary 'errors'"):
         kinds(("errors", "heating"))
 
 
@@ -146,7 +146,7 @@ def test_given_and_assumed_numbers_are_told_apart(scara):
 
 
 def test_a_slider_on_springs_gives_way_across_and_in_torsion(scara):
-    """Not along its axis, where the drive holds it."""
+    """It does not give way along its axis, where the drive holds it."""
     guide = jp.Elasticity(radial=1e6, tilt=1e4, torsion=1e3)
     robot = jp.Mechanism(
         jp.shipped("scara.urdf"), {"stroke": jp.CompliantSlider(elasticity=guide)},

@@ -150,6 +150,7 @@ def test_a_file_that_hangs_or_crashes_hdf5_does_so_in_another_process(
         read(saved)
 
 
+@pytest.mark.thorough
 def test_a_file_is_read_however_busy_the_machine_is(saved, monkeypatch):
     """What counts is processor time."""
     monkeypatch.setattr(confined, "_BEGIN", WAITS)

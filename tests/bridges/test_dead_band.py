@@ -1,4 +1,4 @@
-"""Play as an actuator, and what simulators for learning take."""
+"""Play as an actuator model, and the formats that simulators for learning take."""
 
 import subprocess
 import sys
@@ -32,7 +32,7 @@ def path(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def robot(path):
-    """The arm, and what is left of its gear's play."""
+    """The arm, and the reduced model of its gear's play."""
     mechanism = Mechanism(path, {}, gears={"j": GEAR})
     return ReducedRobot(mechanism, [reduce(mechanism, "j", period=0.8)], {}, ["mjcf", "py"])
 
@@ -48,7 +48,7 @@ def test_the_torque_is_none_in_the_dead_band_and_the_teeths_beyond():
 
 
 def test_a_motor_at_rest_in_its_play_is_pushed_by_its_torque_alone():
-    """And momentum that the motor loses is what the link gets."""
+    """The momentum that the motor loses is what the link gains."""
     zero, drive = np.zeros(2), np.array([0.1, 0.2])
     torque, motor, speed = PLAY.step(drive, zero, zero, zero, zero, 1e-3)
     assert PLAY.rotor * speed == pytest.approx(1e-3 * (drive - torque))

@@ -1,4 +1,4 @@
-"""The corrected robot as MJCF: bodies where a calibration found them, all else as it was."""
+"""The calibrated robot as MJCF: bodies where the calibration found them, all else unchanged."""
 
 import re
 from dataclasses import replace
@@ -103,7 +103,7 @@ def test_calibrate_writes_it(tmp_path, capsys):
     out = tmp_path / "corrected.xml"
     order = ["calibrate", str(path), str(tmp_path / "p.csv"), "--always", "offset", "--quiet"]
     assert main([*order, "--mjcf", str(out)]) == 0
-    assert f"written: {out}: 3 joints put right" in capsys.readouterr().out
+    assert f"written: {out}: 3 joints corrected" in capsys.readouterr().out
     model = mujoco.MjModel.from_xml_path(str(out))
     assert not np.allclose(
         model.body("b").quat, mujoco.MjModel.from_xml_path(str(path)).body("b").quat

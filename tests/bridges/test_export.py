@@ -221,7 +221,7 @@ def test_mujoco_loads_and_steps_it(tmp_path, name, joint):
     import mujoco
 
     mechanism, path = _exported(name, joint, tmp_path)
-    # MuJoCo knows neither .dae nor package://; a robot without shapes has the same dynamics.
+    # MuJoCo reads neither .dae nor package://; a robot without shapes has the same dynamics.
     shapes = re.compile(r"<(visual|collision)\b.*?</\1>", re.DOTALL)
     text = shapes.sub("", path.read_text(encoding="utf-8"))
     if name == "scara":  # its quill has no mass, also without play

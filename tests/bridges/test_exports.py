@@ -1,4 +1,4 @@
-"""Results in other programs' files, read back by those programs' libraries."""
+"""Results exported for other programs, read back by their libraries."""
 
 import dataclasses
 import io
@@ -69,7 +69,7 @@ def test_the_table_has_a_row_for_each_record_and_a_column_for_each_number(result
         for variable in result.dataset.data_vars.values()
         if "time" in variable.dims
     )
-    assert table.shape[1] == numbers  # nothing of the SCARA's one bearing is missing
+    assert table.shape[1] == numbers  # all columns of the SCARA's one bearing are there
 
 
 def test_contacts_that_a_joint_does_not_have_give_no_column():
@@ -206,7 +206,7 @@ def test_bags_hold_joint_states_trajectory_tool_and_forces(result, tmp_path):
 
 @pytest.mark.needs("rosbags")
 def test_messages_are_those_of_ros(result, bagged):
-    """Against the definitions, and the reader, of another implementation."""
+    """Checked with the definitions and the reader of another implementation."""
     from rosbags.highlevel import AnyReader
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 

@@ -1,4 +1,4 @@
-"""Reduced models of play, and their files."""
+"""Reduced models of play: their fit, and their files."""
 
 import json
 import xml.etree.ElementTree as ElementTree
@@ -41,7 +41,7 @@ def to_mjcf(mechanism, found, tilt=False, **options):
 
 @pytest.fixture(scope="module")
 def geared(path):
-    """The arm with play in bearing and gear, and what is left of it."""
+    """The arm with play in bearing and gear, and its reduced model."""
     mechanism = Mechanism(path, {"j": bearing()}, gears={"j": GEAR})
     return mechanism, reduce(mechanism, "j", {"k": 0.3}, period=1.6)
 
@@ -204,7 +204,7 @@ def test_without_play_about_the_axis_the_urdf_gets_friction_only(plain, tmp_path
 def test_json_and_yaml_say_the_same_and_ranges_hold_the_values(geared):
     yaml = pytest.importorskip("yaml")
     _, found = geared
-    small = replace(found, lateral=5e-5)  # which readers of YAML 1.1 take for a word
+    small = replace(found, lateral=5e-5)  # 5e-05 is text to readers of YAML 1.1
     (data,) = json.loads(to_json([small], spread=0.5))["joints"]
     for name, (low, high) in data["ranges"].items():
         assert low <= data[name] <= high

@@ -1,4 +1,4 @@
-"""Robots with play as PROTOs of Webots, read by a reader of the format's grammar."""
+"""Robots with play as PROTOs of Webots, checked with a parser of the format."""
 
 import importlib.util
 import re

@@ -1,4 +1,4 @@
-"""Whole robots with play, written for other simulators and read by their own readers."""
+"""Robots with play written for other simulators, and read by those simulators' readers."""
 
 import json
 import signal
@@ -422,7 +422,7 @@ def test_the_so101_of_the_preset_stands_in_mujoco_with_its_servos_and_play(tmp_p
 @pytest.mark.needs("mujoco")
 @pytest.mark.thorough
 def test_meshes_of_more_triangles_than_an_stl_may_have_are_written(tmp_path):
-    """As of the trunk of a Go1."""
+    """The trunk of a Go1 has such a mesh."""
     import trimesh
 
     trimesh.creation.icosphere(subdivisions=7).export(tmp_path / "ball.stl")
@@ -465,7 +465,7 @@ def test_all_takes_joints_that_do_not_move_the_tool_and_keeps_those_that_are_don
 
 @pytest.mark.needs("mujoco")
 def test_play_is_found_of_a_joint_whose_limits_exclude_zero(tmp_path):
-    """As of a knee: at zero MuJoCo throws it towards its limits."""
+    """Limits without zero, like a knee's: at zero MuJoCo pushes the joint towards them."""
     path = tmp_path / "knee.urdf"
     limits = 'lower="-9" upper="9"'
     path.write_text(

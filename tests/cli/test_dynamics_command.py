@@ -66,7 +66,7 @@ def test_what_is_done_is_not_run_again_whoever_did_it_but_for_what_is_damaged(tm
     assert kept.read_text() == "mine"
     kept.unlink()
     assert dynamics("bifurcation", tmp_path, *SPEEDS) == 2
-    assert "bifurcation.csv' is no table of these" in capsys.readouterr().err
+    assert "bifurcation.csv' is not of this analysis" in capsys.readouterr().err
 
 
 def test_value_that_fails_is_kept_with_its_message_and_the_others_go_on(tmp_path, capsys):

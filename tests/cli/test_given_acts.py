@@ -145,10 +145,8 @@ def outcome(command, line, option, value, *beside):
     return f"{command} {option}" if found == plain else None
 
 
-@pytest.mark.parametrize(
-    "machine",
-    [pytest.param(one, marks=pytest.mark.thorough if one != "gears" else ()) for one in MACHINES],
-)
+@pytest.mark.thorough
+@pytest.mark.parametrize("machine", MACHINES)
 def test_each_option_of_each_command_acts_or_is_refused_by_name(machine, tmp_path):
     idle = {"--bandwidth", "--interpolation"} if machine == "file" else set()  # gravity, joint_a
     given, silent = values(*MACHINES[machine][1:], tmp_path), []

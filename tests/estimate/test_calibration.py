@@ -434,7 +434,7 @@ def test_the_corrected_urdf_has_the_tool_where_the_fit_has_it(tmp_path, capsys):
     corrected = tmp_path / "corrected.urdf"
     terms = ["--always", "offset", "--always", "placement", "--quiet"]
     assert main(["calibrate", "scara", str(path), *terms, "--urdf", str(corrected)]) == 0
-    assert f"written: {corrected}: 4 joints put right" in capsys.readouterr().out
+    assert f"written: {corrected}: 4 joints corrected" in capsys.readouterr().out
     fitted = calibrate(robot, path, always=["offset", "placement"]).step().fitted
     problem, every = fitted.problem, np.zeros(12)
     every[problem._free[problem._free < 12]] = fitted.theta[: len(problem.frame)]

@@ -202,7 +202,7 @@ def test_drift_of_the_readings_is_no_play(arm):
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("vertical", [True, False])
+@pytest.mark.parametrize("vertical", [True, pytest.param(False, marks=pytest.mark.nightly)])
 def test_the_arms_of_the_benchmark_lie_where_their_energy_is_least(vertical):
     joints = (
         elastic.Joint(0.5, 6.0, 0.25, clearance=5e-5, radial=5e-9, torsional=1e-5, bends=5e-7),

@@ -36,7 +36,7 @@ def arm(bearings=None, gears=None):
 
 @pytest.mark.parametrize(
     "bearing",
-    [BALL, PAIR, CROSSED, pytest.param(replace(BALL, seat=SEAT), marks=pytest.mark.thorough)],
+    [BALL, PAIR, CROSSED, pytest.param(replace(BALL, seat=SEAT), marks=pytest.mark.nightly)],
 )
 def test_many_rests_are_those_of_each(bearing):
     random = np.random.default_rng(1)
@@ -135,9 +135,7 @@ def test_the_static_model_is_that_of_the_parts(seed, monkeypatch):
     assert np.sqrt(np.mean(off[model.certain] ** 2)) < 1e-2 * size
 
 
-@pytest.mark.parametrize(
-    "seed", [*(pytest.param(n, marks=pytest.mark.thorough) for n in (1, 2)), 5]
-)
+@pytest.mark.parametrize("seed", [*(pytest.param(n, marks=pytest.mark.nightly) for n in (1, 2)), 5])
 def test_intervals_hold_the_truth(seed):
     rows = rows_of(part_machine(seed), seed)
     assert any(row["told"] for row in rows)
@@ -159,7 +157,7 @@ def test_a_load_that_never_reverses_does_not_show_a_clearance():
     assert "push" in told.reason
 
 
-@pytest.mark.thorough
+@pytest.mark.nightly  # half a minute
 def test_a_stiffness_is_not_told_that_no_torque_reaches():
     one = part_machine(7)
     strong = replace(one.believed.gears["shoulder"], torque_2=400.0, rated_torque=600.0)

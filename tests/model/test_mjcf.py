@@ -562,7 +562,7 @@ def test_play_that_is_there_is_changed_and_tilt_is_refused(loose, own, tmp_path,
     assert "j turns freely by 6 mrad (written: 6)" in capsys.readouterr().out
     tilted = ["export", "simulator", str(own), "--joint", "elbow=0.1mm", "--tilt", "--format"]
     assert main([*tilted, "mjcf", "--out", str(tmp_path / "tilt")]) == 2
-    assert "only play about an axis is put" in capsys.readouterr().err
+    assert "only the play about joints' own axes" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

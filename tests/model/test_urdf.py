@@ -245,7 +245,7 @@ def test_masses_are_those_that_the_urdf_gives(monkeypatch):
             'type="revolut"',
             'no type of joint "revolut"; did you mean "revolute"',
         ),
-        ("</link>", '<mass value="1"/></link>', "<mass>, where nobody reads it.* in <inertial>"),
+        ("</link>", '<mass value="1"/></link>', "<mass>, where it is not read.* in <inertial>"),
         ("<axis", '<origin xyz="0 0 1"/><axis', "joint 'joint_a' has 2 elements <origin>"),
         ("<axis", '<axis xyz="0 1 0"/><axis', "has 2 elements <axis>"),
         ("<mass", '<mass value="1"/><mass', "link 'arm1': <inertial> has 2 elements <mass>"),
@@ -424,7 +424,7 @@ def test_a_budget_needs_no_inertia_and_says_which_is_impossible(urdf, capsys):
     path = urdf(tensor(1.0, 0.1, 0.1), joint("j", "base", "l"))
     command = [str(path), "--joint", "j", "--clearance", "0.1 mm"]
     assert main(["budget", *command]) == 0
-    assert "of no account where nothing moves: l;" in capsys.readouterr().out
+    assert "without effect where nothing moves: l;" in capsys.readouterr().out
     assert main(["run", *command, "--out", str(path.parent / "out")]) == 2
     assert "no rigid body has 1 > 0.1 + 0.1" in capsys.readouterr().err
 

@@ -61,7 +61,7 @@ MOTION = [  # time s, A, B rad, stroke m, C rad
 
 
 def of_urdf(name, text):
-    """What a URDF has of Table 2."""
+    """The data of Table 2 as a URDF has them."""
     robot = ElementTree.fromstring(text)
     found = []
     for arm in ARMS:
@@ -86,7 +86,7 @@ def expected_of_urdf(name):
 
 
 def of_scenario(name, text):
-    """What the scenario has of Tables 3 and 4, and of what the paper leaves out."""
+    """The data of Tables 3 and 4 as the scenario has them, and those that the paper leaves out."""
     tables = tomllib.loads(text)
     joint, drive = tables["joints"]["joint_b"], tables["drive"]
     friction = joint["friction"]

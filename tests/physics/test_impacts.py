@@ -14,6 +14,8 @@ from jointplay.physics.contact.hertzian import HysteresisLaw
 from jointplay.physics.contact.line_contact import LineContactLaw
 from jointplay.physics.kernel import Status
 
+SLOW = ("gonthier", "brown-mcphee")
+"""Friction laws whose runs take seconds."""
 FAMILY = [law() for law in NORMAL_LAWS.values() if issubclass(law, HysteresisLaw)]
 CYLINDRICAL = [law for law in FAMILY if isinstance(law, (LineContactLaw, jp.contact.Pereira))]
 hysteresis = pytest.mark.parametrize("law", FAMILY, ids=lambda law: law.name)
@@ -217,7 +219,13 @@ def test_a_sliding_body_is_slowed_by_its_friction_law(free_mass, name):
     assert np.all(np.diff(result["friction_dissipation"].values) >= 0.0)
 
 
-@pytest.mark.parametrize("name", FRICTION_LAWS)
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=pytest.mark.thorough if name in SLOW else ())
+        for name in FRICTION_LAWS
+    ],
+)
 def test_friction_takes_and_never_gives(free_mass, name):
     """A spinning body bounces and rubs everywhere; what bristles give back they were given."""
     run = free_mass(

@@ -134,6 +134,8 @@ def shorter(command, page):
         return f"{command} --no-figures{short}"
     if command.startswith("jointplay report"):
         return f"{command} --no-pdf"
+    if command.startswith("jointplay study hunting"):
+        return command.replace("--poses 7", "--poses 2")
     if command.startswith("jointplay study iso9283"):
         assert "--cycles 10" in command
         return command.replace("--cycles 10", "--cycles 3")

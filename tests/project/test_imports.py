@@ -4,6 +4,7 @@ import ast
 import re
 import sys
 import tomllib
+from functools import cache
 from pathlib import Path
 
 import jointplay
@@ -52,10 +53,13 @@ def imports(path):
                 yield DISTRIBUTIONS.get(top, top).lower().replace("_", "-"), node.apart
 
 
+@cache
 def found():
-    for path in SOURCE.rglob("*.py"):
-        for name, apart in imports(path):
-            yield str(path.relative_to(SOURCE)), name, apart
+    return [
+        (str(path.relative_to(SOURCE)), name, apart)
+        for path in SOURCE.rglob("*.py")
+        for name, apart in imports(path)
+    ]
 
 
 def test_what_is_imported_is_declared():

@@ -37,7 +37,7 @@ def test_every_law_has_a_card(kept):
 def test_card_has_what_the_law_says_of_itself(kept, family, name):
     law = {"normal": NORMAL_LAWS, "friction": FRICTION_LAWS, "film": FILM_LAWS}[family][name]
     page = kept.page(family, name)
-    for text in (law.formula, law.reference, law.validity, "## At work", "SCARA", "arning"):
+    for text in (law.formula, law.reference, law.validity, "## In mechanisms", "SCARA", "arning"):
         assert text
         assert text in page
 

@@ -6,11 +6,8 @@ A stand-in for `msvcrt` locks as the real one does: only what is locked by anoth
 import os
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
-
-SOURCE = Path(__file__).parents[2] / "src"
 
 WITHOUT = """
 import fcntl, importlib.abc, os, signal, sys, types
@@ -53,7 +50,7 @@ def windows(tmp_path):
     """Run Python in a folder, without what Windows lacks; so do processes that it starts."""
     (tmp_path / "lacks").mkdir()
     (tmp_path / "lacks" / "sitecustomize.py").write_text(WITHOUT)
-    path = os.pathsep.join((str(tmp_path / "lacks"), str(SOURCE)))
+    path = os.pathsep.join((str(tmp_path / "lacks"), os.environ.get("PYTHONPATH", "")))
 
     def start(*arguments):
         return subprocess.Popen(

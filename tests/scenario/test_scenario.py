@@ -451,7 +451,7 @@ def test_schema_accepts_what_ships_and_marks_mistakes():
 def test_schema_has_units_and_explanations():
     of = schema()["$defs"]
     radial = of["RevoluteClearance"]["properties"]["radial_clearance"]["description"]
-    assert radial.startswith("C_r, radial, not diametral [m]; 0: an ideal joint.")
+    assert radial.startswith("Radial (not diametral) clearance C_r [m]; 0: an ideal joint.")
     speed = of["LuGre"]["properties"]["v_s"]["description"]
     assert speed == "Speed over which the friction falls from static to dynamic [m/s]."
 

@@ -1,4 +1,4 @@
-"""Many simulations in processes: in order, bit for bit, and what goes wrong says where."""
+"""Ensembles in several processes: results in order, bit for bit, and errors that say where."""
 
 import dataclasses
 import multiprocessing
@@ -31,7 +31,7 @@ def simulations(tmp_path_factory):
 
 
 def content(result):
-    """All numbers of a result."""
+    """All arrays of a result."""
     return {name: one.values.tobytes() for name, one in result.dataset.variables.items()}
 
 
@@ -100,7 +100,7 @@ def test_what_cannot_be_sent_is_an_error_that_says_so(simulations):
 
 
 def interrupt(result):
-    """Ctrl-C for whom this is done for, when the last but one is run."""
+    """A measure that interrupts the calling process when the last simulation but one is run."""
     if result.simulation.seed == 3:
         worker = multiprocessing.parent_process() is not None
         os.kill(os.getppid() if worker else os.getpid(), signal.SIGINT)

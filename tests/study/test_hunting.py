@@ -1,4 +1,4 @@
-"""Hunting of position servos: swings at rest beside theory, without play, and beside no servo."""
+"""Hunting of position servos: limit cycles compared with theory, without play, without servos."""
 
 import re
 import subprocess
@@ -53,7 +53,7 @@ def test_play_makes_a_servo_hunt_whose_encoder_is_on_the_link(p_gain):
 
 
 def test_slow_swings_are_waited_for():
-    """A heavy link swings at 0.65 Hz: in 1.5 s nothing of that is seen."""
+    """A heavy link swings at 0.65 Hz, which 1.5 s do not show."""
     slow = replace(axis(38.6), inertia=0.324)
     found = at(slow)
     assert found.frequency == pytest.approx(0.65, abs=0.02)
@@ -84,7 +84,7 @@ def slowly(i_gain, presliding=0.0, **changes):
     [(17.0, 0.340, 24.93), (8.0, 0.188, 44.93), (2.0, 0.05433, 147.95)],
 )
 def test_an_integral_that_winds_up_for_seconds_is_no_rest(i_gain, link, period):
-    """It swings for ever, as an integration by other code does; bristles hold it."""
+    """It swings for ever, as by an independent integration; friction with bristles holds it."""
     for start in (0.5, 8.0):
         assert at(slowly(i_gain), start=start, longest=40.0).unclear
     found = at(slowly(i_gain))
@@ -125,7 +125,7 @@ def test_an_integral_within_a_dead_band_swings_or_dies_out():
     ids=lambda gear: gear.kind,
 )
 def test_the_equations_of_slow_motion_are_the_engines(gear):
-    """Link and motor, released aside, in the first second."""
+    """Motion of link and motor, released aside, in the first second."""
     servo = replace(slowly(17.0).drive, d_gain=0.5, effort=2.0, resolution=1e-4)
     rubs = jp.loads.JointFriction(0.01, static=0.02, presliding=1e-3, presliding_damping=0.02)
     aside = slowly(17.0, gear=gear, drive=servo, friction=rubs, load=0.05)
@@ -257,7 +257,7 @@ def test_a_controller_of_several_joints_hunts_as_servos_of_its_gains_do():
             assert one.frequency == pytest.approx(other.frequency, rel=0.01)
 
 
-@pytest.mark.thorough
+@pytest.mark.nightly
 def test_a_controller_of_several_joints_has_a_safe_gain_by_name():
     quick = {"starts": (2.0,), "jobs": 1}
     found = hunting.hunting(arm(400.0, kd=20.0, **RUBS), pose=POSE, gain="kp", **quick)
@@ -338,7 +338,7 @@ def test_a_map_is_over_parameters_of_a_controller_too():
     (own,) = hunting.released(arm(100.0, **RUBS), ("joint_b",), POSE)
     kp, kd = ("kp", np.array([200.0, 1000.0])), ("kd", np.array([20.0, 60.0]))
     found = hunting.gain_map(own, kp, kd, longest=30.0, jobs=1)
-    assert (found.amplitude > 0.0).tolist() == [[False, True], [False, False]]  # dies after 6 s
+    assert (found.amplitude > 0.0).tolist() == [[False, True], [False, False]]  # dies out after 6 s
     assert not found.unclear.any()
     assert not found.control.any()
     (both,) = hunting.released(arm(100.0), pose=POSE)
@@ -359,7 +359,7 @@ def test_a_map_shows_where_play_hunts_and_where_gains_do(tmp_path):
     assert found.frequency[0, 1] == pytest.approx(7.3, rel=0.05)
     from jointplay.show.plots.design import gains
 
-    found.amplitude[1, 1] = np.inf  # as where it diverges
+    found.amplitude[1, 1] = np.inf  # as if it diverged
     gains(found).savefig(tmp_path / "gains.png")
     with pytest.raises(jp.JointplayError, match="over two gains"):
         hunting.gain_map(axis(1.0), ("p_gain", np.ones(2)), ("p_gain", np.ones(2)))
@@ -373,7 +373,7 @@ def command(*options):
 BAD = [
     (
         ["ur5"],
-        "gears with play under servos, none is given: add --gear JOINT=PLAY and --set 'drives",
+        "gear with play under a servo, none is given: add --gear JOINT=PLAY and --set 'drives",
     ),
     (["so101", "--gear", "elbow_flex=1 deg"], "add --preset, which has the servos of so101"),
     (["ar4", "--preset"], "'joint_1' has neither a servo nor a controller of its own: give --set"),
@@ -388,7 +388,7 @@ BAD = [
 def test_what_cannot_be_asked_is_refused_in_a_line(options, words):
     done = command(*options)
     assert done.returncode == 2
-    assert done.stderr.count("\n") <= 1 + len(options)  # what was chosen, and the refusal
+    assert done.stderr.count("\n") <= 1 + len(options)  # the assumptions, and the refusal
     assert words in done.stderr
 
 
@@ -423,7 +423,7 @@ def bowing(urdf, encoder):
 
 
 def independent(one, start, lasts=20.0):
-    """Half the swing of the link in the last fifth: an integration of equations written anew."""
+    """Amplitude of the link in the last fifth, by integrating equations written independently."""
     gear, servo, half = one.gear, one.drive, 0.5 * one.gear.play
     stall = servo.torque_constant / servo.resistance
 
@@ -443,9 +443,10 @@ def independent(one, start, lasts=20.0):
     return 0.5 * np.ptp(done.y[0][done.t > 0.8 * lasts])
 
 
+@pytest.mark.thorough
 def test_an_arm_that_shakes_upright_is_calm_where_it_bows_as_integrated_anew(urdf):
-    (found,) = calm.calm(bowing(urdf, "link"), positions=9, jobs=1)
-    upright = found.positions[4]
+    (found,) = calm.calm(bowing(urdf, "link"), positions=5, jobs=1)
+    upright = found.positions[2]
     assert upright.verdict == "shakes: play"
     assert upright.swing.amplitude == pytest.approx(
         independent(upright.axis, 2.0 * GEAR.play), rel=0.05
@@ -453,7 +454,7 @@ def test_an_arm_that_shakes_upright_is_calm_where_it_bows_as_integrated_anew(urd
     verdicts = [one.verdict for one in found.positions]
     assert "calm" in verdicts
     assert " is calm " in found.sentence
-    for position in found.positions[4:]:
+    for position in found.positions[2:]:
         largest = max(independent(position.axis, start * GEAR.play) for start in (0.5, 2.0, 8.0))
         assert (largest > 0.01 * GEAR.play) == (position.verdict != "calm")
         if position.calm_gain is not None and position.verdict != "calm":

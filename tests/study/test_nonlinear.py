@@ -1,4 +1,4 @@
-"""Sections, exponents, recurrence and spectra of motions whose answers are known."""
+"""Sections, exponents, recurrence and spectra of motions for which they are known."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""What reviewers ask of a run: other steps, other contact laws, other starts."""
+"""Reviews of a run: other steps, other contact laws, other starts."""
 
 import dataclasses
 
@@ -44,7 +44,7 @@ def test_laws_differ_by_what_they_dissipate(simulation):
     found = reviews.laws(dataclasses.replace(simulation, mechanism=soft), names, jobs=1)
     assert list(found.figures) == names
     force = {law: found.figures[law]["peak joint force"][0] for law in names}
-    assert force["hertz"] > force["flores"]  # which loses nothing, and goes on bouncing
+    assert force["hertz"] > force["flores"]  # Hertz loses no energy, and goes on bouncing
     for law, (time, size) in found.curves.items():
         assert size.max() <= force[law] * (1.0 + 1e-9)
         assert len(time) == len(size)

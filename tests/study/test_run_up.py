@@ -1,4 +1,4 @@
-"""Cranks that are run up: the motion, and spectra over their angle."""
+"""Run-ups of cranks: the motion, and spectra over the crank angle."""
 
 import dataclasses
 
@@ -43,7 +43,7 @@ def test_a_run_up_rises_over_the_turns_that_were_asked_for():
 
 
 def test_orders_stay_where_they_are_while_the_speed_rises():
-    """Of an ideal slider-crank the slider's place has its own orders, whatever the speed."""
+    """The slider's position in an ideal slider-crank has the same orders at any speed."""
     rising = RunUp.of(crank(1000), crank(3000), 1, 12, 200)
     values = rising.over_angle(rising.run(), "guide.position")
     order, found = rising.spectra(values, 3, 4, 5.0)
@@ -54,7 +54,7 @@ def test_orders_stay_where_they_are_while_the_speed_rises():
     expected = 2.0 * np.abs(np.fft.rfft(place))[1:6] / len(place)
     for row in found:
         np.testing.assert_allclose(row[[4, 8]], expected[[0, 1]], rtol=1e-3)
-        assert row[[2, 10]].max() < 1e-2 * expected[1]  # between whole orders is nothing
+        assert row[[2, 10]].max() < 1e-2 * expected[1]  # nothing between whole orders
 
 
 COMMAND = ["study", "dynamics", "jointplay:slider_crank.toml", "runup", "--case", "0.5 mm"]

@@ -1,4 +1,4 @@
-"""Sweeps that are run: what is in their stores, and what they refuse."""
+"""Sweeps that are run: the content of their stores, and what they refuse."""
 
 import importlib
 import shutil
@@ -51,7 +51,7 @@ def test_a_store_is_one_dataset_over_the_dimensions_of_the_sweep(done):
 
 
 def test_other_tools_read_the_cases(done):
-    """By Python's own sqlite3, and pandas: a row a case, in whatever order they were finished."""
+    """By Python's own sqlite3, and pandas: a row for each case, in the order of completion."""
     found = jp.open_sweep(done[0])
     with closing(sqlite3.connect(done[0] / "cases.sqlite")) as opened:
         plain = pd.read_sql("SELECT * FROM cases", opened)
@@ -88,7 +88,7 @@ def test_cases_are_those_that_single_runs_give(done):
     case = np.ravel_multi_index((2, 1, 1), (3, 2, 2))
     kept = jp.open_sweep(store).result(int(case))
     xr.testing.assert_equal(kept.dataset, result.dataset)
-    file = store / "results" / "2-1-1.nc"  # as any result: every reader of results takes it
+    file = store / "results" / "2-1-1.nc"  # an ordinary result, which every reader takes
     xr.testing.assert_identical(jp.Result.load(file).dataset, kept.dataset)
     assert float(found["reach"]) == np.abs(result["tool_position"].values).max()
 
@@ -246,7 +246,7 @@ def test_more_values_samples_and_repeats_are_added_to_a_store(swept, tmp_path):
 
 
 def test_an_axis_that_is_extended_by_values_of_another_kind_keeps_its_cases(swept, tmp_path):
-    """Whole numbers that have become others: the file is made anew, its column holds both."""
+    """An axis of integers that gets other numbers: the file is rebuilt, its column holds both."""
     axis = 'seed = {{ key = "integration.seed", values = [{}] }}'
     store = SweepStore(tmp_path / "s", plan_of(swept(axis.format("1, 2"))))
     store.keep((1,), Outcome((1,), DONE, {"impacts": 7.0}))
@@ -396,6 +396,7 @@ NAMES = (
 )
 
 
+@pytest.mark.thorough
 def test_measures_and_axes_may_have_any_name(swept, tmp_path):
     """Joints have names with slashes, and measures are named after joints."""
     lines = "\n".join(f"        {name!r}: {k}.5," for k, name in enumerate(NAMES))
@@ -413,7 +414,7 @@ def test_measures_and_axes_may_have_any_name(swept, tmp_path):
     for k, name in enumerate(NAMES):
         assert (found[name].values == k + 0.5).all()
     assert found["Impacts"].dims == ("x/y", "_<z>")
-    assert not found["impacts"].equals(found["Impacts"])  # which are one name to SQLite
+    assert not found["impacts"].equals(found["Impacts"])  # they are the same name to SQLite
     assert main(["report", str(tmp_path / "s"), "--out", str(tmp_path / "r.html"), "--no-pdf"]) == 0
     page = (tmp_path / "r.html").read_text()
     assert all(name in page for name in ("a/b", "_&lt;z&gt;"))
@@ -421,7 +422,7 @@ def test_measures_and_axes_may_have_any_name(swept, tmp_path):
 
 
 def test_a_measure_of_the_users_own_takes_nothing_of_those_shipped(swept, tmp_path):
-    """Neither unit and meaning for a name that begins alike, nor their places."""
+    """Neither the unit and meaning of a similar name, nor their columns."""
     names = ("impacts_of_mine", "status", "impulse")
     text = "".join(f"def {name}(result):\n    return 1.0\n" for name in names)
     (tmp_path / "named.py").write_text(text)
@@ -436,7 +437,7 @@ def test_a_measure_of_the_users_own_takes_nothing_of_those_shipped(swept, tmp_pa
 
 
 def test_a_sweep_of_bearings_has_loads_and_life_as_columns(tmp_path):
-    """In one of two joints; the other one has no rolling elements."""
+    """A rolling bearing in one of two joints; the other has a journal bearing."""
     text = ARM.replace(
         '[joints.joint_b]\nradial_clearance = "0.2 mm"\naxial_clearance = "0.2 mm"\n'
         'friction = { law = "ambrosio", mu_d = 0.1 }',
@@ -462,12 +463,12 @@ def test_a_sweep_of_bearings_has_loads_and_life_as_columns(tmp_path):
         assert float(data.isel(kind=-1)[f"{name}_joint_b"]) == pytest.approx(value, rel=1e-12)
     assert data["largest_element_load_joint_b"].attrs["units"] == "N"
     assert "largest_element_load_joint_a" not in data
-    with pytest.raises(JointplayError, match=r"of this sweep's there are .*bearing_life_h"):
+    with pytest.raises(JointplayError, match=r"this sweep has .*bearing_life_h"):
         measured(data, "bearing_life_joint_a")
 
 
 def test_a_sweep_without_rolling_elements_says_that_it_has_no_lives(done):
-    with pytest.raises(jp.JointplayError, match="joints none has any"):
+    with pytest.raises(jp.JointplayError, match="this sweep has none"):
         measured(jp.open_sweep(done[0]).dataset(), "bearing_life")
 
 

@@ -1,4 +1,4 @@
-"""Confidence intervals that cover, and indices of functions whose indices are known."""
+"""Coverage of confidence intervals, and Sobol indices of functions for which they are known."""
 
 import numpy as np
 import pytest

@@ -67,14 +67,14 @@ def rubbing(urdf, spin, *, wear_rate=1e-13, gravity=9.81, duration=0.2, mass=2.0
 
 
 def settled(simulation):
-    """The run from a journal that lies at the bottom: from the centre it would swing for good."""
+    """The run with the journal starting at the bottom: from the centre it would keep swinging."""
     run = jp.Run(simulation)
     run.workspace.q[1] = -1e-4
     return run.finish()
 
 
 def test_worn_volume_is_archards_by_hand(urdf):
-    """V = k F s for the constant load m g and the way R_j w t."""
+    """V = k F s for the constant load m g and the sliding distance R_j w t."""
     simulation = rubbing(urdf, 30.0)
     result = settled(simulation)
     bearing = simulation.mechanism.clearance["pin"]
@@ -124,7 +124,7 @@ def test_energy_balances_in_a_worn_bore(urdf):
 
 
 def sickle(volume, bearing):
-    """How deep a round journal sinks into its bore for what it grinds off, in closed form [m]."""
+    """Depth to which a round journal grinds itself into its bore, in closed form [m]."""
     c = bearing.cr
 
     def left(depth):
@@ -136,7 +136,7 @@ def sickle(volume, bearing):
 
 @pytest.mark.parametrize("blocks", [1, 5])
 def test_worn_bore_after_cycles_is_archards_by_hand(urdf, blocks):
-    """Constant load, constant way a cycle: k F s is the volume, the journal's sickle its shape."""
+    """Constant load and sliding distance: the volume is k F s, its shape the journal's sickle."""
     simulation = rubbing(urdf, 30.0, duration=0.1, friction=jp.contact.Ambrosio(0.0))
     cycles = 21400
     life = wear(simulation, "pin", cycles=cycles, blocks=blocks)
@@ -152,7 +152,7 @@ def test_worn_bore_after_cycles_is_archards_by_hand(urdf, blocks):
 
 
 def test_life_is_when_the_sickle_is_so_deep(urdf):
-    """The deepest place grows ever slower, for the sickle widens."""
+    """The depth grows ever more slowly, as the sickle widens."""
     growth = 2e-5
     simulation = rubbing(urdf, 30.0, duration=0.1, friction=jp.contact.Ambrosio(0.0))
     life = wear(simulation, "pin", growth, blocks=4)

@@ -1,4 +1,4 @@
-"""The tool's error by statics: its causes, budgets, and which may be how large.
+"""Accuracy of the tool by statics: causes of error, budgets, tolerances, compensation.
 
 Nothing here steps through time, and nothing knows of files.
 """

@@ -1,8 +1,8 @@
-"""What must be how large, or better: the cheapest sizes and bearings that keep a tolerance.
+"""Tolerance allocation: the cheapest clearances and bearings that keep the tool within a target.
 
-Clearances of any size, parts of causes that remain, and bearings, which are bought by class, are
-chosen together (`cheapest`). A clearance's play has a second order: it is found anew at each
-solution until both agree.
+Clearances of any size, remaining parts of other causes, and bearings, which are bought by class,
+are chosen together (`cheapest`). That optimisation is linear in the sizes, but a clearance's play
+has a second order: the play is computed anew at each solution until both agree.
 """
 
 from __future__ import annotations
@@ -52,36 +52,38 @@ from jointplay.simulation.loads import Load
 from jointplay.simulation.loads.drive import Drive, JointFriction
 
 LEAST_M, MOST_M = 2e-6, 1e-3
-"""Clearances that can be bought, unless others are given [m]."""
+"""Least and largest clearance that can be bought, unless others are given [m]."""
 LEAST_RAD, MOST_RAD = 3e-5, 0.1
-"""Plays of gears that can be bought [rad], judged: from precision gears, 0.1 arcmin, to worn hobby
-servos, 6 degrees."""
+"""Least and largest play of gears that can be bought [rad], judged: from precision gears, 0.1
+arcmin, to worn hobby servos, 6 degrees."""
 _ARCMIN = math.radians(1.0 / 60.0)
-"""[rad]: costs of gears that turn are of plays in arcmin."""
+"""One arcmin [rad], the unit of a gear's play in its price."""
 LIMIT = 0.1
-"""Part of a cause that remains at least, unless it is given: assumed."""
+"""Least part of a cause that remains, unless one is given: assumed."""
 PRICES = {"C2": 1.3, "CN": 1.0, "C3": 1.0, "C4": 1.1, "CC0": 1.5, "C0": 1.0, "C1": 1.0,
           PRELOADED: 2.0, **{f"IT{grade}": 1.6 ** (7 - grade) for grade in range(1, 19)},
 }  # fmt: skip
 """Price of a class of bearings, or of a hole's or shaft's grade, relative to the usual one, unless
 it is given: assumed, of no catalogue. Of a grade it is the tolerance of IT7 over its own."""
 PATIENCE_S = 2.0
-"""What takes longer has a bar [s]."""
+"""Time after which a progress bar is shown [s]."""
 COMPENSATION = "compensation"
-"""Under which `Correction`s are offered."""
+"""Name among the offers under which `Correction`s are given."""
 _MM = 1e3
-"""Costs are of clearances in millimetres."""
+"""Millimetres per metre: millimetres are the unit of clearances in their price."""
 _RENEWALS = 12
-"""Most rounds in which plays are found anew at the last sizes; what has not settled then is refused
-(judged)."""
+"""Most rounds that compute plays anew at the last sizes; a solution that has not settled then is
+refused (judged)."""
 _USED, _USED_ROUGH = 1e-6, 5e-4
-"""Part of the target that may be left: below what a size is made to, and where the error is not
-convex what its cuts resolve (judged)."""
+"""Part of the target that may be left unused: less than sizes can be made to; and the resolution of
+the cuts where the error is not convex (judged)."""
 _SETTLED = 1e-3
-"""Relative change of sizes below which plays are as they were: their second order then differs by
-a thousandth of itself (judged)."""
+"""Relative change of sizes below which plays need not be computed anew: their second order then
+changes by a thousandth of itself (judged)."""
 _LISTED = 2e-3
 """Part of the error below which a cause has no line of its own: less than a rounded percent."""
+_SUMMED = {"added": "before", "adds": "after"}
+"""Columns that the table's last row sums: heading and field of `Choice`."""
 
 
 @dataclass(frozen=True)
@@ -89,13 +91,15 @@ class Offer:
     """A bearing that can be bought for a joint, or a fit to which it can be made."""
 
     name: str
+    """Class of the bearing, or the fit."""
     joint: Clearance
+    """The joint with it."""
     price: float
     instead: str = ""
     """The fit that the joint had; empty for bearings."""
 
     def free(self, axis: str) -> float:
-        """How far it is free along x or z, with the loosest parts of a fit [m]."""
+        """Free travel along x or z, with the loosest parts of a fit [m]."""
         fit = self.joint.fitted
         joint = self.joint if fit is None else self.joint.at_clearance(fit.most)
         return joint.travel[axis]
@@ -107,9 +111,9 @@ class Correction:
 
     price: float = 1.0
     play: float = KNOWN
-    """Part by which play may be off from what the correction takes it to be."""
+    """Relative uncertainty of the play that the correction assumes, to either side."""
     friction: float = 0.0
-    """Likewise friction."""
+    """Relative uncertainty of the friction that it assumes, to either side."""
 
     def __post_init__(self) -> None:
         require_non_negative("price of a compensation", self.price, "")
@@ -119,16 +123,17 @@ class Correction:
 
 @dataclass(frozen=True)
 class Corrected:
-    """What a correction would leave of the error, with all sizes as they were given."""
+    """The error that a corrected motion leaves, with all sizes as they were given."""
 
     offer: Correction
     error: float
-    """Of the tool at rest, the largest of all poses [m]."""
+    """Error of the tool at rest, the largest of all poses [m]."""
     before: float
-    """The worst case as it was [m]."""
+    """The worst case without a correction [m]."""
 
     @property
     def text(self) -> str:
+        """The result in words."""
         known = [f"play known to {100 * self.offer.play:g} %"]
         if self.offer.friction:
             known.append(f"friction to {100 * self.offer.friction:g} %")
@@ -140,12 +145,12 @@ class Corrected:
 def offers_of(
     joint: Clearance, prices: Mapping[str, float] | None = None, least: float = LEAST_M
 ) -> tuple[Offer, ...]:
-    """What can be bought instead: of a rolling bearing all classes of its size, and a pair
-    preloaded; of a joint with a fit those that ISO 286-1 prefers of its size, the tightest of each
-    pair of grades.
+    """The bearings or fits that can be bought for a joint.
 
-    Prices are by class and by grade, those of `PRICES` where not given; that of a fit is the mean
-    of its hole's and its shaft's.
+    For a rolling bearing these are all classes of its size, and a preloaded pair; for a joint with
+    a fit the fits that ISO 286-1 prefers at its size, the tightest of each pair of grades. Prices
+    are by class and by grade, those of `PRICES` where not given; a fit costs the mean of its hole's
+    and its shaft's.
 
     Args:
         least: the smallest clearance that other fits than its own may have [m].
@@ -164,7 +169,7 @@ def offers_of(
         return tuple(Offer(name, bearing, known.get(name, 1.0)) for name, bearing in classes)
     if fit is None:
         raise JointplayError(f"a {joint.kind} joint has neither a rolling bearing nor a fit")
-    tightest = {fit.grades: fit}  # of each pair of grades, which cost the same
+    tightest = {fit.grades: fit}  # fits of the same grades cost the same
     for alternative in sorted(fit.alternatives(), key=lambda alternative: alternative.most):
         if alternative.least >= least:
             tightest.setdefault(alternative.grades, alternative)
@@ -176,43 +181,44 @@ def offers_of(
 
 
 def is_bought(joint: Clearance) -> bool:
-    """Whether a joint's play is chosen among `offers_of`, and not of any size."""
+    """Whether a joint's play is chosen among `offers_of` instead of having any size."""
     return isinstance(joint, RollingBearing) or joint.fitted is not None
 
 
 @dataclass(frozen=True)
 class Choice:
-    """What was chosen of a cause at a joint; numbers that say nothing of it are NaN."""
+    """The choice for one cause at one joint; numbers that do not apply to it are NaN."""
 
     joint: str
     cause: str
     remaining: float
-    """How large it is, as a part of what it was; of play alone 1, for any size is sought."""
+    """Part of the cause that remains; 1 of play alone, which may have any size."""
     clearance: float
-    """Radial (across x, of a slider), or the play of a gear that moves its joint along [m]."""
+    """Radial clearance (across x, of a slider), or play of a gear whose joint slides [m]."""
     play: float
-    """Of a gear that turns its joint [rad]."""
+    """Play of a gear that turns its joint [rad]."""
     offer: Offer | None
+    """Bearing or fit that is bought."""
     before: float
-    """What it added to the error as it was, of play alone NaN [m]."""
+    """Share in the error before; NaN of play alone [m]."""
     after: float
-    """What it adds in the end [m]."""
+    """Share in the error that is reached [m]."""
     gain: float
     """Error per clearance or play, where the target binds [1 or m/rad]."""
     price: float
     saved: float
-    """What the last micrometre of the clearance costs: saved by one more [1/µm]; of a gear that
-    turns the last arcmin of its play."""
+    """Price of the last micrometre of the clearance, which one more would save [1/µm]; of a gear
+    that turns, of the last arcmin of its play."""
     held: str
-    """``target``, ``least``, ``most``, of causes ``limit``, ``as is`` where nothing is bought, or
-    ``kept``; ``class`` of bearings, ``fit``."""
+    """The bound that holds the size: ``target``, ``least`` or ``most``; of causes ``limit``, ``as
+    is`` where nothing is bought, or ``kept``; ``class`` of bearings, ``fit``."""
     order: int
-    """Of causes, which is bought first: rank by what the first of its price saves, from 1 on; 0
-    where nothing is bought."""
+    """Of causes, the order in which to buy: rank by how much error the first of the price saves,
+    from 1 on; 0 where nothing is bought."""
 
     @property
     def gear(self) -> bool:
-        """Whether it is of a gear alone."""
+        """Whether it is the play of a gear by itself."""
         return self.joint.endswith(GEAR)
 
 
@@ -221,31 +227,31 @@ class Allocation(Answer):
     """Sizes and bearings that keep a target."""
 
     target: float
-    """Largest error of the tool [m or rad]."""
+    """Largest error of the tool that is allowed [m or rad]."""
     unit: str
-    """Of the error: m, or rad where it is the tool's turn."""
+    """Unit of the error: m, or rad where it is the angle by which the tool is turned."""
     kind: str
-    """What the error is: a worst case, a quantile or the root mean square, in words."""
+    """Which error it is, in words: a worst case, a quantile or the root mean square."""
     choices: tuple[Choice, ...]
     was: float
-    """The error as it was, of play alone NaN [m]."""
+    """The error before; NaN of play alone [m]."""
     error: float
-    """What is reached, by the static model with its second order [m]."""
+    """The error that is reached, by the static model with its second order [m]."""
     spread: tuple[float, float]
-    """95 % interval of a quantile, for it is of samples; else the error itself [m]."""
+    """95 % interval of a quantile, which comes from samples; otherwise the error itself [m]."""
     free: float
     """Price without a target."""
     relief: float
     """Price saved by a target one metre wider [1/m]; 0 where only bearings are chosen."""
     mechanism: Mechanism
-    """With these sizes and bearings; of causes the clearances alone."""
+    """The mechanism with these sizes and bearings; of causes only the clearances are changed."""
     notes: tuple[str, ...]
-    """What was given and assumed, and what stays as it is, lines of text."""
+    """Numbers given and assumed, and plays that stay as they are, as lines of text."""
     corrections: tuple[Corrected, ...] = ()
-    """What corrected motions, which were offered, would leave instead."""
+    """The errors that the corrected motions on offer would leave instead."""
 
     def column(self, name: str) -> np.ndarray:
-        """One of the fields of `Choice`, of all choices."""
+        """One field of `Choice` of all choices."""
         return np.array([getattr(choice, name) for choice in self.choices])
 
     @property
@@ -254,53 +260,51 @@ class Allocation(Answer):
 
     @property
     def clearance(self) -> np.ndarray:
-        """Radial clearances, NaN of what is none [m]."""
+        """Radial clearances; NaN of choices that have none [m]."""
         return self.column("clearance")
 
     @property
     def total(self) -> float:
+        """Price of all choices."""
         return float(self.column("price").sum())
 
     @property
     def parts(self) -> dict[Key, float]:
-        """What remains by joint and cause, where less than all: `remaining` of `budget`."""
+        """Parts below 1 that remain by joint and cause: the `remaining` of `budget`."""
         return {(o.joint, o.cause): o.remaining for o in self.choices if o.remaining < 1.0}
 
     def table(self) -> Table:
-        """A row for each; of causes those that matter, first those that were bought first."""
+        """A row for each choice; of causes those that matter, the first to be bought first."""
         small = [abs(c.before) <= _LISTED * self.was and not c.order for c in self.choices]
         listed = [choice for choice, left in zip(self.choices, small, strict=True) if not left]
         if not np.isnan(self.was):
             listed.sort(key=lambda choice: (choice.order == 0, -choice.before))
-        table, more = self._rows(listed), []
+        table, totals, notes = self._rows(listed), [], [self._headline()]
         if any(small):
             sums = {head: self.column(name)[small].sum() for head, name in _SUMMED.items()}
             heads = [column.head for column in table.columns if column.only != "data"]
-            more = [(f"{sum(small)} more", *(sums.get(head) for head in heads[1:]))]
-        return replace(table, totals=more, notes=[self._headline(), *self._cures, *self.notes])
-
-    @property
-    def _cures(self) -> list[str]:
-        if not self.corrections:
-            return []
-        tighter = f"allocated {readable(self.error, 'm', 3)} (price {self.total:.5g})"
-        return [f"{', '.join(correction.text for correction in self.corrections)}; {tighter}"]
+            totals = [(f"{sum(small)} more", *(sums.get(head) for head in heads[1:]))]
+        if self.corrections:
+            corrected = ", ".join(correction.text for correction in self.corrections)
+            allocated = f"allocated {readable(self.error, 'm', 3)} (price {self.total:.5g})"
+            notes.append(f"{corrected}; {allocated}")
+        return replace(table, totals=totals, notes=[*notes, *self.notes])
 
     def data(self) -> Table:
         """A row for each choice."""
         return self._rows(self.choices)
 
     def _rows(self, choices: Sequence[Choice]) -> Table:
-        """All that is known of any choice."""
+        """A table of these choices, without the columns in which none has a value."""
 
         def of(head: str, name: str, unit: str = "", **more: Any) -> Column:
             return Column(head, [getattr(choice, name) for choice in choices], unit, **more)
 
         def where(turns: bool, name: str, factor: float = 1.0) -> list[float | None]:
-            """A field of choices of plays that turn a joint, or of all others."""
-            fits = [np.isnan(choice.play) != turns for choice in choices]
+            """A field of the choices of gears that turn a joint, or of all others."""
+            applies = [np.isnan(choice.play) != turns for choice in choices]
             values = [getattr(choice, name) for choice in choices]
-            return [factor * x if fit else None for x, fit in zip(values, fits, strict=True)]
+            return [factor * x if does else None for x, does in zip(values, applies, strict=True)]
 
         total, offers = self.total or 1.0, [choice.offer for choice in choices]
         alone = len({choice.cause for choice in self.choices}) == 1
@@ -335,58 +339,43 @@ class Allocation(Answer):
     @property
     def sentence(self) -> str:
         """The answer in plain words."""
-        improved, offers = (
-            not np.isnan(self.was),
-            [choice.offer for choice in self.choices if choice.offer],
+        by_cause = not np.isnan(self.was)
+        if by_cause:
+            kinds = ["improvements"]
+        else:
+            kinds = ["clearances"] * any(not c.gear and not c.offer for c in self.choices)
+            kinds += ["plays of gears"] * any(choice.gear for choice in self.choices)
+        bearings = "bearings" if by_cause else "classes of bearings"
+        offers = [choice.offer for choice in self.choices if choice.offer]
+        kinds += dict.fromkeys("fits" if offer.instead else bearings for offer in offers)
+        text = (
+            f"These are the cheapest {' and '.join(kinds)} that keep the tool "
+            f"{self.mechanism.tool!r} within {readable(self.target, self.unit, 3)}"
         )
-        bearings = "bearings" if improved else "classes of bearings"
-        kinds = dict.fromkeys("fits" if offer.instead else bearings for offer in offers)
-        first, gears = ["improvements"] if improved else [], self._gears
-        if not improved:
-            first += ["clearances"] * any(
-                not choice.gear and not choice.offer for choice in self.choices
-            )
-            first += ["plays of gears"] * any(choice.gear for choice in self.choices)
-        sizes = f": {few(gears, 7)}" if gears and not improved else ""
-        return (
-            f"These are the cheapest {' and '.join([*first, *kinds])} that keep the tool "
-            f"{self.mechanism.tool!r} within {readable(self.target, self.unit, 3)}{sizes}"
-            f"{self._exchanged}{self._corrected}"
-        )
-
-    @property
-    def _gears(self) -> list[str]:
-        """Plays of gears in words, of those that count."""
-        texts = []
+        # The plays of gears but those at the largest that can be bought, and fits that change.
+        gears, changed = [], dict[str, list[str]]()
         for choice in self.choices:
             if choice.gear and choice.held != "most":
                 size = f"{float(f'{choice.play / _ARCMIN:.2g}'):g} arcmin"
                 if np.isnan(choice.play):
                     size = f"{choice.clearance * _MM:.3g} mm"
-                texts.append(f"{size} in {choice.joint.removesuffix(GEAR)}")
-        return texts
-
-    @property
-    def _corrected(self) -> str:
-        """Whether a corrected motion keeps the target, too, to add to a sentence."""
-        if not self.corrections:
-            return ""
-        least = min(correction.error for correction in self.corrections)
-        keeps = "keep it, too, at rest" if least <= self.target else "do not"
-        return f"; sizes as given, compensated, {keeps}: {readable(least, 'm', 3)}"
-
-    @property
-    def _exchanged(self) -> str:
-        """Which fits become which others, to add to a sentence."""
-        changed = dict[str, list[str]]()
-        for choice in self.choices:
+                gears.append(f"{size} in {choice.joint.removesuffix(GEAR)}")
             if choice.offer and choice.offer.instead not in ("", choice.offer.name):
-                text = f"{choice.offer.instead} becomes {choice.offer.name}"
-                changed.setdefault(text, []).append(choice.joint)
-        parts = [f"{text} in {few(joints, 2)}" for text, joints in changed.items()]
-        return f": {'; '.join(parts)}" if parts else ""
+                change = f"{choice.offer.instead} becomes {choice.offer.name}"
+                changed.setdefault(change, []).append(choice.joint)
+        if gears and not by_cause:
+            text += f": {few(gears, 7)}"
+        if changed:
+            parts = (f"{change} in {few(joints, 2)}" for change, joints in changed.items())
+            text += f": {'; '.join(parts)}"
+        if self.corrections:
+            least = min(correction.error for correction in self.corrections)
+            keeps = "keep it, too, at rest" if least <= self.target else "do not"
+            text += f"; sizes as given, compensated, {keeps}: {readable(least, 'm', 3)}"
+        return text
 
     def _headline(self) -> str:
+        """The error that is reached, the target and the price, in one line."""
         sizes = self.error, *self.spread, self.target, self.was
         error, low, high, target, was = (f"{1e3 * size:#.5g}" for size in sizes)
         interval = f" (95 %: {low} to {high})" if low != high else ""
@@ -394,16 +383,12 @@ class Allocation(Answer):
         line = f"{self.kind}: {error} {unit}{interval} of {target} {unit}"
         line += "" if np.isnan(self.was) else f" (as it is {was} {unit})"
         line += f"; price {self.total:.5g}"
-        if self.total <= self.free * (1.0 + cheapest.FITS):
+        if self.total <= self.free * (1.0 + cheapest.TOLERANCE):
             return line + "; within the target already, nothing is spent for it"
         line += f" (without a target {self.free:.4g})" if self.free else ""
         if self.relief:
             line += f"; a target 1 % wider saves {0.01 * self.target * self.relief:.4g}"
         return line
-
-
-_SUMMED = {"added": "before", "adds": "after"}
-"""Columns of which there are sums."""
 
 
 @known_keywords
@@ -435,43 +420,46 @@ def allocate(
     loads: Mapping[str, Load] | None = None,
     progress: bool = False,
 ) -> Allocation:
-    """The cheapest sizes and bearings with which the tool's error keeps `target` at all poses.
+    """The cheapest sizes and bearings that keep the tool's error within `target` at all poses.
 
-    By play alone: clearances of any size, whose ratio of axial to radial clearance stays, plays of
-    gears, and the classes of rolling bearings and the fits of others, together. By several causes:
-    the part of each that remains at each joint, and bearings and fits for which there are `offers`.
+    For play alone these are clearances of any size (the ratio of axial to radial clearance stays),
+    plays of gears, classes of rolling bearings and fits of other joints, chosen together. For
+    several causes they are the part of each cause that remains at each joint, and the bearings and
+    fits for which there are `offers`.
 
     Args:
-        mechanism: what has no play, and gears with hysteresis, stay unless causes are improved.
+        mechanism: joints without play, and gears with hysteresis, stay as they are unless causes
+            are improved.
         poses: as for `budget`.
         target: largest distance of the tool from where it should be [m].
         turn: the target is the largest angle by which the tool is turned instead [rad].
         causes: as for `budget`; None: play alone.
-        statistical: of several causes: the target is of the root mean square, not of the worst
-            case.
-        quantile: by play alone: the part of states that must keep it, such as 0.99; None: the worst
-            case.
+        statistical: for several causes: the target holds for the root mean square instead of the
+            worst case.
+        quantile: for play alone: the part of all states that must keep the target, such as 0.99;
+            None: the worst case.
         keep: joints and causes that count but stay as they are.
-        offers: bearings and fits for joints; of play alone `offers_of` all joints with such that
-            are not named, as of a joint with an empty list. Of several causes, a joint's compliance
-            goes with its bearing, and is no size of its own. Under `COMPENSATION` a `Correction`
-            or several, beside which the result is put: with sizes as given, it leaves the part of
-            the play's error at rest that is not known, what friction can hold, and other causes.
-        prices: by class of bearing and grade, `PRICES` where not given; of halving a cause, by
-            cause, 1 where not given.
-        weights: of joints, which multiply the prices of their sizes; 1 where not given.
-        limits: part of a cause that remains at least, by cause; `LIMIT` where not given.
-        cost: of clearances in mm and plays of gears in arcmin (mm, if they slide), one of `COSTS`.
+        offers: bearings and fits by joint. For play alone, joints that are not named or have an
+            empty list get those of `offers_of`. For several causes, a joint's compliance goes with
+            its bearing, and is no size of its own. Under `COMPENSATION` one `Correction` or
+            several, to compare: with sizes as given, a corrected motion leaves the unknown part of
+            the play's error at rest, what friction can hold, and the other causes.
+        prices: prices by class of bearing and grade, `PRICES` where not given; by cause, the price
+            of halving it, 1 where not given.
+        weights: factors by joint on the prices of its sizes; 1 where not given.
+        limits: least part of a cause that remains, by cause; `LIMIT` where not given.
+        cost: price of clearances in mm and of gears' plays in arcmin (mm, if they slide), one of
+            `COSTS`.
         least, most: clearances that can be bought, and plays of gears that slide [m]; None:
             `LEAST_M`, `MOST_M`; gears that turn have `LEAST_RAD`, `MOST_RAD`.
-        force, errors, kind: of several causes, as for `budget`.
-        seed: of the sampled states.
+        force, errors, kind: for several causes, as for `budget`.
+        seed: seed of the sampled states.
         driven, drive, joint_friction, payloads, loads: as for `budget`.
         progress: show a count of the rounds on standard error, if it takes long.
 
     Raises:
-        JointplayError: a target that cannot be reached, which says what can be, and what prevents
-            it; nothing to allocate; values that cannot be; see `budget`.
+        JointplayError: a target that cannot be reached, with what can be and what prevents it;
+            nothing to allocate; values that cannot be; see `budget`.
         MissingName: no such cost, joint, cause or class.
     """
     require_a("mechanism", mechanism, "Mechanism")
@@ -503,7 +491,7 @@ def allocate(
 
 
 class _Holding(NamedTuple):
-    """What holds the machine and what it carries, as `budget` takes that."""
+    """The arguments of `budget` that hold and load the machine."""
 
     driven: Sequence[str] | None
     drive: Drive | Mapping[str, Drive] | None
@@ -514,7 +502,7 @@ class _Holding(NamedTuple):
 
 @dataclass(frozen=True)
 class _Market:
-    """What can be bought, and at which price; fields as of `allocate`."""
+    """The sizes and bearings that can be bought, and their prices; fields as for `allocate`."""
 
     offers: Mapping[str, Sequence[Offer]]
     prices: Mapping[str, float]
@@ -527,12 +515,12 @@ class _Market:
     def check(
         self, mechanism: Mechanism, causes: Mapping[str, Cause] | None, keep: Collection[str]
     ) -> None:
-        """Refuse names that nothing has, and values that cannot be."""
+        """Refuse unknown names, and values that cannot be."""
         joints = [*mechanism.joints, *mechanism.mounts, *mechanism.loops]
         known = [*CAUSES, *(causes or {})]
         if causes is None and self.limits:
             raise JointplayError(
-                "limits are of causes: give these, too, or least and most clearances"
+                "limits apply to causes: give causes, too; of clearances give least and most"
             )
         for name in keep:
             if name not in (*known, *joints):
@@ -555,7 +543,7 @@ class _Market:
     def offers_for(
         self, mechanism: Mechanism, causes: Mapping[str, Cause] | None, keep: Collection[str]
     ) -> dict[str, tuple[Offer, ...]]:
-        """By joint: bearings and fits, of play alone for all joints that have such."""
+        """Offers by joint: for play alone of all joints with a bearing or fit, else those given."""
         joints = {name: joint for name, joint in mechanism.clearance.items() if is_bought(joint)}
         for name in self.offers:
             require_known("joint with a rolling bearing or a fit", name, joints)
@@ -575,7 +563,7 @@ class _Market:
         }
 
     def parts(self, keys: tuple[Key, ...]) -> Sizes:
-        """Parts of causes that remain, each at a joint."""
+        """The sizes to choose for several causes: the part of each that remains at each joint."""
         weight = [self.prices.get(n, 1.0) * self.weights.get(joint, 1.0) for joint, n in keys]
         low, ones = [self.limits.get(cause, LIMIT) for _, cause in keys], np.ones(len(keys))
         return Sizes(keys, np.array(weight), np.array(low), ones, ones, COSTS[0])
@@ -583,7 +571,7 @@ class _Market:
     def clearances(
         self, mechanism: Mechanism, keys: tuple[Key, ...], quantile: float | None
     ) -> Sizes:
-        """Clearances of joints, and plays of gears."""
+        """The sizes to choose for play alone: clearances of joints and plays of gears."""
         require_known("cost", self.cost, COSTS)
         if quantile is not None and self.cost == "linear":
             raise JointplayError(
@@ -622,7 +610,7 @@ class _Market:
 
 @dataclass
 class _Search:
-    """A machine by what remains of its causes and by its bearings, of which both are sought."""
+    """The allocation for one machine: its sizes and offers, and its error as a function of them."""
 
     mechanism: Mechanism
     q: np.ndarray
@@ -651,7 +639,7 @@ class _Search:
             self.sizes = self.market.parts(self.keys)
 
     def require_choice(self) -> None:
-        """Refuse what leaves nothing to choose, or nothing that a choice would change."""
+        """Refuse a machine with nothing to choose, or whose choices would not move the tool."""
         if self.causes is None and self.first.farthest().size.max() <= NOWHERE * MOST_RAD:
             raise JointplayError(
                 f"nothing that has play moves the tool {self.mechanism.tool!r} at these poses: "
@@ -668,27 +656,30 @@ class _Search:
             raise JointplayError("no joint or gear has play to allocate")
         if self.quantile is not None and (self.offers or self.causes is not None):
             raise JointplayError(
-                "a quantile is for clearances that can be any, not for classes nor other causes"
+                "a quantile is for clearances of any size only, not for classes nor other causes"
             )
 
     def key(self, contribution: Contribution) -> Key:
-        """What is chosen of a contribution: of play alone that of a gear by itself."""
+        """The size to which a contribution belongs; for play alone a gear has one of its own."""
         name = contribution.name if self.causes is None else contribution.joint
         return name, contribution.cause
 
     def _sizable(self, contribution: Contribution) -> bool:
-        if contribution.gear and self.causes is None:
+        """Whether a contribution can have any size."""
+        if contribution.gear and self.causes is None:  # without hysteresis
             gear = self.mechanism.gears[contribution.joint]
             return 0.0 < gear.unloaded_range == gear.play
         return contribution.proportional and not self._offered(contribution)
 
     def _offered(self, contribution: Contribution) -> bool:
-        goes_along = contribution.cause in ("play", "elasticity") and not contribution.gear
-        return goes_along and contribution.joint in self.offers
+        """Whether a contribution changes with the bearing or fit that is bought."""
+        of_bearing = contribution.cause in ("play", "elasticity") and not contribution.gear
+        return of_bearing and contribution.joint in self.offers
 
     def build(
         self, remaining: Mapping[Key, float], chosen: Mapping[str, Offer]
     ) -> tuple[Mechanism, ErrorModel]:
+        """The mechanism with these sizes and bearings, and its error."""
         joints = self.mechanism.clearance | {name: o.joint for name, o in chosen.items()}
         if self.causes is not None:
             machine = self.mechanism.with_clearance(joints) if chosen else self.mechanism
@@ -711,10 +702,11 @@ class _Search:
         return machine, model.turning if self.turn else model
 
     def corrected(self, offers: Sequence[Correction], progress: bool) -> tuple[Corrected, ...]:
-        """What is left of the error at rest by corrected motions, and of causes that are no play.
+        """The errors at rest that corrected motions leave.
 
-        Of play what friction holds elsewhere, and the part that is not known of the way to where it
-        rests, or of its worst case if joints give way beyond that.
+        Of play there remain the states in which friction can hold it, and the unknown part of the
+        displacement at rest (of the worst case, if joints give way beyond that); other causes
+        remain with their worst case.
 
         Raises:
             JointplayError: closed loops, of which no motion is compensated; nothing has play; no
@@ -725,7 +717,7 @@ class _Search:
         if self.turn:
             raise JointplayError("what compensation leaves is a distance: give one as the target")
         if self.mechanism.loops:
-            raise JointplayError("motions of closed loops are not compensated: leave it out")
+            raise JointplayError("motions of closed loops cannot be compensated: offer none")
         model = self.first
         play = budget(self.mechanism, self.q, force=self.force, **self.holding._asdict())
         beside = [k for k, c in enumerate(model.contributions) if c.cause != "play"]
@@ -736,7 +728,7 @@ class _Search:
             rest = play.rest_positions.at(k)
             place = float(np.linalg.norm((rest.error - rest.sag)[:3]))
             for offer, row in zip(offers, residuals, strict=True):
-                unknown = offer.play * min(place, play.worst[k])  # what gives way stays
+                unknown = offer.play * min(place, play.worst[k])
                 row[k] = others[k] + play.compensated(k, 0.0, offer.friction) + unknown
         if np.isnan(residuals).any():
             raise JointplayError(
@@ -746,7 +738,7 @@ class _Search:
         return tuple(Corrected(*pair, before) for pair in zip(offers, after, strict=True))
 
     def error(self, model: ErrorModel, x: np.ndarray, choice: Sequence[int] | None = None) -> Error:
-        """The error by sizes x; `choice` says which of them each contribution is."""
+        """The error of a model made with sizes x; `choice` has the size of each contribution."""
         choice = self.choice(model) if choice is None else choice
         if self.quantile is not None:
             return cheapest.Quantile(model, choice, x, self.quantile, self.seed)
@@ -755,10 +747,15 @@ class _Search:
         return cheapest.WorstCase(model, choice, x)
 
     def remaining(self, x: np.ndarray) -> dict[Key, float]:
+        """Sizes by key, where they are not as given."""
         return {key: float(part) for key, part in zip(self.keys, x, strict=True) if part != 1.0}
 
     def with_offers(self, remaining: Mapping[Key, float]) -> tuple[ErrorModel, list[int]]:
-        """The error with all bearings that are offered, and which choice each contribution is."""
+        """One model with the contributions of all offers, and each one's component of the choice.
+
+        It is joined from one model for the first offers of all joints, one for the second, and so
+        on; contributions that no offer changes are taken from the first.
+        """
         counts = [len(options) for options in self.offers.values()]
         first = dict(zip(self.offers, len(self.keys) + np.cumsum([0, *counts]), strict=False))
         models, of = [], []
@@ -784,22 +781,28 @@ class _Search:
         return ErrorModel.join(models), of
 
     def _by_key(self, model: ErrorModel, parts: np.ndarray) -> dict[Key, float]:
+        """Shares of contributions (k,) in the error, summed by joint and cause."""
         sums = dict[Key, float]()
         for contribution, part in zip(model.contributions, parts, strict=True):
             sums[self.key(contribution)] = sums.get(self.key(contribution), 0.0) + float(part)
         return sums
 
     def choice(self, model: ErrorModel) -> list[int]:
-        """Which of the sizes each contribution is, -1 for none."""
+        """Index of the size that multiplies each contribution; -1 for none."""
         place = {key: i for i, key in enumerate(self.keys)}
         return [place.get(self.key(c), -1) if c.proportional else -1 for c in model.contributions]
 
     def allocated(self, target: float, bar: Any) -> Allocation:
-        """Allocate, again with the play as it is at each solution until both agree."""
+        """Allocate, again with the plays computed anew at each solution, until both agree.
+
+        The problem is solved for `aim`, which is adjusted until the error that the new plays have
+        uses up the target.
+        """
         keys, sizes, count = self.keys, self.sizes, len(self.keys)
-        x, aim = np.ones(count), target * (1.0 - cheapest.FITS)
+        x, aim = np.ones(count), target * (1.0 - cheapest.TOLERANCE)
         curved = any(cause == "play" for _, cause in keys)
         offers = list(self.offers.values())
+        prices = [np.array([offer.price for offer in options]) for options in offers]
         start = last = self.error(self.first, x)
         for _ in range(_RENEWALS):
             before, error = x, last
@@ -807,22 +810,21 @@ class _Search:
                 now = np.append(x, np.ones(sum(map(len, offers))))
                 model, choice = self.with_offers(self.remaining(x))
                 error = self.error(model, now, choice)
-            prices_of_offers = [np.array([offer.price for offer in options]) for options in offers]
-            problem = Problem(error, sizes, prices_of_offers, aim, bar)
+            problem = Problem(error, sizes, prices, aim, bar)
             try:
                 z = problem.solve()
             except cheapest.Unreachable as refused:
                 least = refused.z[:count]
                 if not curved or np.allclose(x, least, rtol=_SETTLED):
                     raise
-                x = least  # where plays may be smaller than in proportion
+                x = least  # try again where plays may be smaller than in proportion
                 last = self.error(self.build(self.remaining(x), {})[1], x)
                 continue
             x = z[:count]
             picked = zip(self.offers.items(), problem.chosen(z), strict=True)
             bought = {name: options[k] for (name, options), k in picked}
             mechanism, model = self.build(self.remaining(x), bought)
-            if isinstance(error, cheapest.Quantile):  # its states stay, in the first order
+            if isinstance(error, cheapest.Quantile):  # `last` stays: its states are first-order
                 reached, ends = cheapest.spread(model, error.quantile, error.seed)
             else:
                 last = self.error(model, x)
@@ -842,11 +844,12 @@ class _Search:
                 "of the target; keep play, or allocate clearances first"
             )
         by_cause = self.causes is not None
+        # A cause that stays as it is costs nothing: prices count from there.
         free = problem.price(problem.free()) - (sizes.prices(sizes.most).sum() if by_cause else 0.0)
         choices = tuple(self._choices(problem, z, bought, start, last))
         was = start.at(np.ones(count)) if by_cause else np.nan
         return Allocation(
-            target, "rad" if self.turn else "m", self._error_kind(last), choices, was, reached,
+            target, "rad" if self.turn else "m", last.kind, choices, was, reached,
             ends, float(free), problem.relief, mechanism, tuple(self.notes()),
         )  # fmt: skip
 
@@ -858,58 +861,52 @@ class _Search:
         start: Error,
         last: Error,
     ) -> Iterator[Choice]:
-        """By joint and cause; `start` and `last` are the error as it was and is."""
+        """The choices by joint and cause; `start` and `last` are the error before and now."""
         sizes, by_cause, count = self.sizes, self.causes is not None, len(self.keys)
         x, ones = z[:count], np.ones(count)
         before = self._by_key(start.model, start.parts(ones)) if by_cause else {}
         after = self._by_key(last.model, last.parts(x))
         held, slopes, gains = sizes.held(x), sizes.slopes(x), problem.gains(z)
         paid = sizes.prices(x) - (sizes.prices(sizes.most) if by_cause else 0.0)
-        worth = start.slopes(ones) / sizes.weight
+        worth = start.slopes(ones) / sizes.weight  # error saved by the first of the price
         bought = [int(k) for k in np.argsort(-worth) if held[k] != "most"]
-        place = {key: k for k, key in enumerate(self.keys)}
+        index = {key: k for k, key in enumerate(self.keys)}
         of_joints = dict.fromkeys((name, "play") for name in self.mechanism.clearance)
         rows = [*before, *(key for key in of_joints if key[0] in offers and key not in before)]
         if not by_cause:
             of_joints |= dict.fromkeys((name + GEAR, "play") for name in self.mechanism.gears)
-            rows = [key for key in of_joints if key in place or key[0] in offers]
+            rows = [key for key in of_joints if key in index or key[0] in offers]
         for key in rows:
-            k, offer = place.get(key), offers.get(key[0]) if key[1] == "play" else None
+            joint, cause = key
+            k, offer = index.get(key), offers.get(joint) if cause == "play" else None
             adds, cost = after.get(key, 0.0), 0.0 if offer is None else offer.price
             part, size, play, gain, saved, order = 1.0, np.nan, np.nan, np.nan, np.nan, 0
             how = "kept" if offer is None else "fit" if offer.instead else "class"
             if k is not None:
                 how, cost = held[k], cost + float(paid[k])
-                gear = self.mechanism.gears.get(key[0].removesuffix(GEAR))
-                if key[1] == "play" and is_proportional(self.mechanism, key[0]):
-                    size = self.mechanism.clearance[key[0]].radial_travel * x[k]
+                gear = self.mechanism.gears.get(joint.removesuffix(GEAR))
+                if cause == "play" and is_proportional(self.mechanism, joint):
+                    size = self.mechanism.clearance[joint].radial_travel * x[k]
                 elif not by_cause and gear is not None:
                     size = gear.play * x[k]
                 if by_cause:
                     how, part = {"least": "limit", "most": "as is"}.get(how, how), float(x[k])
                     order = bought.index(k) + 1 if k in bought else 0
-                else:
+                else:  # derivatives by x become those by the size: per metre, or radian of a gear
                     now = size / x[k]
                     gain, saved = gains[k] / now, -1e-6 * slopes[k] / now
                     adds = gain * size
-                    if key[0].endswith(GEAR) and self._turns(key[0]):
+                    if joint.endswith(GEAR) and self._turns(joint):
                         play, size, saved = size, np.nan, saved * 1e6 * _ARCMIN
             had = before.get(key, 0.0) if by_cause else np.nan
             yield Choice(*key, part, size, play, offer, had, adds, gain, cost, saved, how, order)
 
     def _turns(self, gear: str) -> bool:
+        """Whether the joint of a gear turns."""
         return not self.mechanism.description.joints[gear.removesuffix(GEAR)].slides
 
-    @staticmethod
-    def _error_kind(error: Error) -> str:
-        if isinstance(error, cheapest.Quantile):
-            return f"static {100 * error.quantile:g} % quantile, of {cheapest.SAMPLES} states"
-        if isinstance(error, cheapest.RootMeanSquare):
-            return "RMS"
-        return "static worst case"
-
     def notes(self) -> list[str]:
-        """What was given and assumed of causes, prices and limits, and which plays stay."""
+        """Numbers given and assumed of causes, prices and limits, and plays that stay, as text."""
         if self.causes is None:
             gears = [name for name, _ in self.keys if name.endswith(GEAR)]
             units = " or a play in arcmin" if any(map(self._turns, gears)) else ""
@@ -940,7 +937,7 @@ class _Search:
         return notes
 
     def refusal(self, unreachable: cheapest.Unreachable) -> JointplayError:
-        """What prevents a target."""
+        """The error that says what prevents a target, and what can be reached instead."""
         count, sizes = len(self.keys), self.sizes
         unit = "rad" if self.turn else "m"
         text = f"a target of {readable(unreachable.target, unit, 4)} cannot be reached"

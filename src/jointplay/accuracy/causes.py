@@ -1,12 +1,12 @@
-"""Causes of a tool's error, one class each: what each does at a joint.
+"""Causes of a tool's error, one class each: the displacements that each brings about at a joint.
 
-Beside play an arm deflects under its weight, its payload and a force; encoders have a resolution
-and a zero, gears an error of their own; links and axes are not where the drawing has them, and all
-of it grows with heat. What is not given of a robot is taken from a class of robots
-(`robot_errors`), and said to be assumed.
+Besides its play, an arm deflects under its weight, its payload and a force; encoders have a
+resolution and a zero offset, gears a transmission error; axes are not where the drawing has them,
+and links grow with heat. Numbers that nobody gave are taken from a class of robots
+(`robot_errors`), and reported as assumed.
 
-A cause of one's own is a class like these, in any file, of which an object is given to `budget` or
-`allocate` among their `causes`.
+For a cause of your own write a class like these, in any file, and give an object of it to `budget`
+or `allocate` among their `causes`.
 """
 
 from __future__ import annotations
@@ -46,14 +46,14 @@ from jointplay.simulation.loads import Load
 from jointplay.simulation.loads.drive import Drive, Servo
 
 GIVEN = "given"
-"""Origin of numbers that are a robot's own."""
+"""Origin of the numbers that the user gave of this robot."""
 RULED = f"gears' stiffness by rule, to a factor of {SPREAD:g}"
-"""Said where stiffnesses are of `gear_rules`."""
+"""Note on an answer in which stiffnesses are those of `gear_rules`."""
 
 _TURNING = ("encoder", "zero_offset", "gear_error")
-"""What robots and their classes have of joints that turn."""
+"""Numbers that robots and their classes have for joints that turn, in rad."""
 _PINION = 0.01
-"""Radius of the pinion by which a slider has what a class has of joints that turn [m]."""
+"""Radius of the pinion that turns a class's angles into the lengths of a slider [m]."""
 
 
 @dataclass(frozen=True)
@@ -63,23 +63,24 @@ class JointAt:
     mechanism: Mechanism
     name: str
     load: np.ndarray
-    """What it bears at rest, about its centre, its axes, (n, 6) [N, N m]."""
+    """Load on the joint at rest, about its centre in its axes, (n, 6) [N, N m]."""
     stands: bool
     """Whether a drive and an encoder hold it; joints of closed loops may follow others instead."""
     errors: RobotErrors
     kind: str | None
-    """Class of robots from which all else is taken, of `ERROR_CLASSES`."""
+    """Class of robots, of `ERROR_CLASSES`, from which numbers that nobody gave are taken."""
     stiffness: Rule | None = None
-    """Of its gear, if nobody gave it."""
+    """Stiffness of its gear by a rule, if nobody gave it."""
     sag: np.ndarray | None = None
-    """How far its drive gives way, (n,) [rad or m]; None: not at all."""
+    """Deflection of its drive, (n,) [rad or m]; None: none."""
     dead_band: float = 0.0
-    """Of its drive [rad or m]."""
+    """Dead band of its drive [rad or m]."""
     regulated: bool = False
-    """Whether its encoder sees the link, where its drive holds that whatever its gear does."""
+    """Whether its encoder sees the link, which its drive then holds whatever its gear does."""
 
     @property
     def mount(self) -> bool:
+        """Whether it is a mount: a joint that cannot move but deflects."""
         return self.name in self.mechanism.mounts
 
     @property
@@ -90,7 +91,7 @@ class JointAt:
 
     @property
     def about(self) -> int:
-        """Component of a displacement that the drive moves: along or about z."""
+        """Component of a displacement along or about z, the joint's axis: that of its drive."""
         return 2 if self.slides else 5
 
     @property
@@ -98,12 +99,14 @@ class JointAt:
         return "m" if self.slides else "rad"
 
     def driven(self, size: float) -> tuple[float, ...]:
+        """A displacement of this size along or about the joint's axis, six numbers [m, rad]."""
         return tuple(size if k == self.about else 0.0 for k in range(6))
 
     def size(self, key: str, origins: dict[str, str], form: str, times: float = 1.0) -> float:
-        """A number of `JointErrors` or `RobotErrors`.
+        """A number of the joint's errors, or else of the robot's, or else of its class.
 
-        What `form` makes of it, so many times as large, is put into `origins`, with its origin.
+        `origins` gets an entry: the text that `form` makes of the number, multiplied by `times`,
+        and the number's origin.
 
         Raises:
             JointplayError: nobody gave it, and no class is named.
@@ -127,16 +130,16 @@ class JointAt:
 
 
 class Cause(ABC):
-    """What makes a tool miss its target, at each joint."""
+    """A cause of the tool's error, which displaces joints."""
 
     name: ClassVar[str]
-    """In tables and options."""
+    """Name in tables and options."""
     of_mounts: ClassVar[bool] = False
     """Whether it acts at mounts, too, which cannot move but deflect."""
 
     @abstractmethod
     def at(self, joint: JointAt) -> Iterable[Contribution]:
-        """What it does at a joint; nothing where it does nothing."""
+        """The displacements that it causes at a joint; none where it has no effect."""
 
 
 class ClearanceAndBacklash(Cause):
@@ -158,10 +161,10 @@ class Compliance(Cause):
     of_mounts = True
 
     def at(self, joint: JointAt) -> Iterator[Contribution]:
-        bearing, along = joint.mechanism.clearance.get(joint.name), joint.about
+        bearing = joint.mechanism.clearance.get(joint.name)
         carried, origins = joint.load.copy(), dict[str, str]()
-        if not joint.mount:
-            carried[:, along] = 0.0
+        if not joint.mount:  # the drive carries the rest
+            carried[:, joint.about] = 0.0
         shift, sources = self._of_bearing(bearing, carried)
         joint_errors = joint.errors.joints.get(joint.name, JointErrors())
         if joint_errors.elasticity is not None:
@@ -175,7 +178,11 @@ class Compliance(Cause):
             yield self._of_gear(joint)
 
     def _of_gear(self, joint: JointAt) -> Contribution:
-        """What turns or moves a joint about its own axis: gear and shaft."""
+        """Deflection of gear and shaft, about or along the joint's own axis.
+
+        Its stiffness is the first that is known of: the joint's own, the robot's (of joints that
+        turn without a gear), the gear's curve, a rule.
+        """
         along, origins, load = joint.about, dict[str, str](), joint.load[:, joint.about]
         shift, gear = np.zeros_like(joint.load), joint.mechanism.gears.get(joint.name)
         unit = "N/m along the axis" if joint.slides else "N m/rad in torsion"
@@ -203,18 +210,19 @@ class Compliance(Cause):
         joint: JointAt,
         shift: np.ndarray,
         origins: dict[str, str],
-        of: Sequence[str] = (),
+        sources: Sequence[str] = (),
     ) -> Contribution:
+        """A deflection of which stiffnesses are uncertain by the robot's `stiffness_spread`."""
         spread = 0.0
         if shift.any():
             spread = joint.size("stiffness_spread", origins, "either way {:g} %", 100.0)
-        numbers, origin = tuple(origins.items()), ", ".join(of)
+        numbers, origin = tuple(origins.items()), ", ".join(sources)
         return Contribution(joint.name, self.name, None, shift, spread, origin, numbers)
 
     def _of_bearing(
         self, bearing: Clearance | None, carried: np.ndarray
     ) -> tuple[np.ndarray, list[str]]:
-        """Its deflection beyond its play under loads (n, 6), and of what, in words."""
+        """Deflection of a bearing beyond its play under loads (n, 6), and its origin in words."""
         if bearing is None:
             return np.zeros_like(carried), []
         if bearing.springs is not None:
@@ -229,7 +237,7 @@ class Compliance(Cause):
 
 
 class Sag(Cause):
-    """Drives give way: servos to all that they bear, computed torque to what it does not know."""
+    """Drives give way: servos to their whole load, computed torque to loads it does not know."""
 
     name = "sag"
 
@@ -243,7 +251,7 @@ class Sag(Cause):
 
 
 class Encoder(Cause):
-    """An encoder's resolution, of which half a step counts, and where its zero is."""
+    """An encoder's resolution, half a step to either side, and its zero offset."""
 
     name = "encoder"
 
@@ -259,7 +267,7 @@ class Encoder(Cause):
 
 
 class GearError(Cause):
-    """What a gear's output is off while its input turns evenly: a wave of unknown phase."""
+    """Transmission error of a gear: its output deviates by a wave of unknown phase."""
 
     name = "gear error"
 
@@ -280,7 +288,7 @@ class GearError(Cause):
 
 
 class Geometry(Cause):
-    """Where the axis is, which is not where the drawing has it."""
+    """The joint's axis is displaced and tilted against the drawing."""
 
     name = "geometry"
 
@@ -293,7 +301,7 @@ class Geometry(Cause):
 
 
 class Heat(Cause):
-    """Links that grow as they become warmer: by half of the growth, either way by all of it."""
+    """Links grow as they become warmer, by anything from none to all of the largest growth."""
 
     name = "heat"
 
@@ -303,7 +311,7 @@ class Heat(Cause):
         expansion = joint.size("expansion", origins, "{:.3g} µm/(m K)", 1e6)
         if joint.name not in joint.mechanism.loops:
             shift = np.zeros_like(joint.load)
-            shift[:, 0] = 0.5 * heating * expansion
+            shift[:, 0] = 0.5 * heating * expansion  # half the growth, uncertain by all of that
             numbers = tuple(origins.items())
             yield Contribution(joint.name, self.name, None, shift, 1.0, numbers=numbers, part=LINK)
 
@@ -315,11 +323,13 @@ ALL: dict[str, Cause] = {
         *(GearError(), Geometry(), Heat()),
     )
 }
+"""The built-in causes by name, in the order of tables."""
 CAUSES = tuple(ALL)
+"""Names of the built-in causes."""
 
 
 def named(causes: Collection[str | Cause]) -> dict[str, Cause]:
-    """Causes by name, the known ones first and in their order, then one's own."""
+    """Causes by name: the built-in ones in the order of `ALL`, then the user's own."""
     custom = {cause.name: cause for cause in causes if isinstance(cause, Cause)}
     for cause in causes:
         if isinstance(cause, str) and cause not in ALL:
@@ -340,9 +350,9 @@ def cause_model(
     drives: Mapping[str, Drive],
     payloads: Sequence[Payload],
 ) -> tuple[Mechanism, ErrorModel]:
-    """The error by causes at configurations q (n, nq), and the mechanism as it remains.
+    """The error by causes at configurations q (n, nq), and the mechanism with what remains of play.
 
-    All else as for `budget`; `drives` are of all joints.
+    `drives` are those of all joints; the other arguments are those of `budget`.
     """
     kind = kind or errors.assumed
     if kind is not None:
@@ -383,7 +393,7 @@ def cause_model(
     counted = [c for c in contributions if _counts(c)]
     if not counted:
         raise JointplayError("nothing moves the tool, or no cause is counted")
-    # A clearance has been made smaller already.
+    # Clearances have been made smaller in the mechanism already.
     scale = [
         1.0 if c.cause == "play" and not c.gear else parts.get((c.joint, c.cause), 1.0)
         for c in counted
@@ -392,12 +402,11 @@ def cause_model(
 
 
 def _stiffnesses(mechanism: Mechanism) -> dict[str, Rule]:
-    """Stiffnesses of gears that nobody gave, by the rules for these."""
-    without = [n for n in mechanism.joints if n not in mechanism.gears]
+    """Stiffnesses by `gear_rules`, of gears that nobody gave one and of joints without a gear."""
     entries = mechanism.description.joints
     rules = mechanism.rules.items()
     ruled = {name: rule for (name, quantity), rule in rules if quantity == "stiffness"}
-    needed = [name for name in without if name in entries]
+    needed = [n for n in mechanism.joints if n not in mechanism.gears and n in entries]
     if not needed:
         return ruled
     efforts = rated_efforts(mechanism.description, parse(mechanism.description), mechanism.tool)
@@ -412,18 +421,18 @@ def _sags(
     loads: Mapping[str, np.ndarray],
     carries: bool,
 ) -> dict[str, tuple[np.ndarray, float]]:
-    """How far drives give way at configurations q (n, nq), and their dead bands, by joint.
+    """Deflections of drives at configurations q (n, nq), and their dead bands, by joint.
 
     Raises:
         JointplayError: a servo that cannot hold its joint.
     """
-    names = standing_joints(mechanism, q[0], driven)
-    if not carries:  # computed torque gives what holds the machine as it knows it
+    holding = {name: drives[name] for name in standing_joints(mechanism, q[0], driven)}
+    names = list(holding)
+    if not carries:  # computed torque balances the machine that it knows without an error
         names = [name for name in names if isinstance(drives[name], Servo)]
     sags = {name: np.zeros(len(q)) for name in names}
     bands = dict.fromkeys(names, 0.0)
     for i, row in enumerate(q if names else ()):
-        holding = {n: drives[n] for n in standing_joints(mechanism, q[0], driven)}
         balance = held(mechanism, row, holding, {})
         for name in names:
             at = mechanism.motor(name)
@@ -443,7 +452,7 @@ def _sags(
 
 
 def _counts(contribution: Contribution) -> bool:
-    """Whether it can do anything; what is given as zero counts, too, play aside."""
+    """Whether a contribution is listed: all but play and shifts that are zero."""
     region, shift = contribution.set, contribution.shift
     if contribution.cause == "play":
         return region is not None and max(region.reach) > 0.0
@@ -451,7 +460,7 @@ def _counts(contribution: Contribution) -> bool:
 
 
 def is_proportional(mechanism: Mechanism, joint: str) -> bool:
-    """Whether a joint has a clearance to which its play is proportional, in the first order.
+    """Whether a joint has a clearance to which its play is proportional, to first order.
 
     The play of a rolling bearing along its axis and in tilt grows with the root of its clearance.
     """
@@ -461,6 +470,7 @@ def is_proportional(mechanism: Mechanism, joint: str) -> bool:
 def _checked(
     mechanism: Mechanism, remaining: Mapping[tuple[str, str], float], causes: Mapping[str, Cause]
 ) -> dict[tuple[str, str], float]:
+    """The parts that remain by joint and cause, each refused unless it can be chosen."""
     known = [*mechanism.joints, *mechanism.mounts, *mechanism.loops]
     parts = {}
     for (name, cause), part in remaining.items():
@@ -478,15 +488,15 @@ def _checked(
 
 
 def given_and_assumed(model: ErrorModel) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """What was given and what was assumed of a robot, lines of text."""
+    """The numbers of a robot that were given, and those that were assumed, as lines of text."""
     lines: dict[tuple[str, str, str], list[str]] = {}
     for contribution in model.contributions:
         for origin, texts in contribution.by_origin.items():
             lines.setdefault((origin, contribution.cause, texts), []).append(contribution.joint)
-    moved = len({c.joint for c in model.contributions})
+    count = len({c.joint for c in model.contributions})
     given, assumed = [], []
     for (origin, cause, texts), names in lines.items():
-        whose = "all joints" if len({*names}) == moved else ", ".join(dict.fromkeys(names))
+        whose = "all joints" if len({*names}) == count else ", ".join(dict.fromkeys(names))
         if origin == GIVEN:
             given.append(f"{cause}: {texts} ({whose})")
         elif origin.startswith("class"):

@@ -1,22 +1,22 @@
-"""The cheapest sizes and offers with which the tool's error keeps a target, at all poses.
+"""The optimisation behind `allocation`: the cheapest sizes and offers whose error keeps a target.
 
-The error (`error_model`) is convex in what its contributions are multiplied by: at a pose and along
-a direction the worst case is linear in them, as support functions add; the root mean square is the
-root of a quadratic form, as variances add and loads shift. So what keeps a target at all poses
-makes a convex set, and a convex price has one minimum on it. It is found by cutting planes: the
+The error (`error_model`) is convex in the factors of its contributions: at a pose and along a
+direction the worst case is linear in them, as support functions add; the root mean square is the
+root of a quadratic form, as variances add and loads shift. So the factors that keep a target at all
+poses make a convex set, and a convex price has one minimum on it. Cutting planes find it: the
 problem is solved for the poses and directions known to bind, the worst ones of the solution are
 added, and so on until none is worse than the target.
 
 - Sizes are any numbers within limits. Their price is convex; the dual of the problem, which has
   bounds only, is solved by L-BFGS-B, or by HiGHS where the price is linear.
-- Of offers one is chosen in each group: integer programming (HiGHS), for which prices of sizes are
-  replaced by tangents, more of them until the choice stays (outer approximation: Duran and
-  Grossmann, Mathematical Programming 36, 1986, 307).
+- Of each group of offers one is chosen, by mixed-integer programming (HiGHS), in which the prices
+  of sizes are replaced by tangents, more of them until the choice stays (outer approximation: Duran
+  and Grossmann, Mathematical Programming 36, 1986, 307).
 
-Where plays of a loop hold each other the worst case is concave in the clearances: a plane found at
-some of them is too strict for others. What is found keeps the target; it need not be the cheapest.
-A quantile is not convex either: it supposes that each journal rests, independently of the others,
-where a load on the tool of random direction puts it.
+Two errors are not convex. Where loops tie plays to each other the worst case is concave in the
+clearances: a plane found at some of them is too strict for others, so the solution keeps the target
+but need not be the cheapest. A quantile supposes that each journal rests, independently of the
+others, where a load on the tool of random direction puts it.
 """
 
 from __future__ import annotations
@@ -35,90 +35,101 @@ from jointplay.accuracy.error_model import ErrorModel, half_sphere
 from jointplay.base.errors import JointplayError
 
 COSTS = ("reciprocal", "reciprocal-squared", "linear")
-"""What a size c costs, times its weight: 1/c, 1/c^2, or what the largest has more."""
+"""Price of a size c per weight: 1/c, 1/c^2, or the difference from the largest size."""
 SAMPLES = 4000
 """States drawn for a quantile."""
-FITS = 1e-8
-"""Part of the target by which an error may miss it."""
+TOLERANCE = 1e-8
+"""Part of the target by which an error may exceed it."""
 _QUANTILE_POSES, _QUANTILE_ROUNDS = 12, 8
-"""Poses with the largest errors, at which states are drawn, for at all it would take long; rounds,
-each of which halves what is left on the way to the cheapest sizes (judged)."""
+"""Poses with the largest errors, at which alone states are drawn, as all would take long; rounds,
+each of which halves the way left to the cheapest sizes (judged)."""
 _DIRECTIONS_TIED = 60
-"""Over half a sphere, where plays hold each other: each is a search, in every round anew."""
+"""Directions over half a sphere where loops tie plays: each is a search, anew in every round."""
 _NEAR = 0.98
-"""Part of the largest error from which on poses are looked at closely: the sphere's directions are
-about 7 degrees apart, which hides 0.7 %."""
+"""Part of the largest error from which on the direction of a pose is refined: the sphere's
+directions are about 7 degrees apart, which hides 0.7 %."""
 _ROUNDS, _CUTS = 100, 12
 """Most rounds of cutting planes, after which a target is refused; worst poses added in each."""
 _TANGENTS = 16
-"""To begin with, of each price."""
+"""Tangents of each size's price to begin with."""
 _TIE = 1e-6
-"""Part of the largest price by which of equal prices the tighter offer is chosen."""
+"""Part of the largest price that decides between offers of equal price: the tighter is chosen."""
 
 Key = tuple[str, str]
+"""Joint (or its gear) and cause: what a size belongs to."""
 
-# The error as a function of what can be chosen: sizes x, a number from 0 to 1 of each offer, and 1
-# of all that stays.
+# The error as a function of the choice z, (v,): a size for each key, then a number for each offer,
+# 1 if it is bought and 0 if not. Contributions that nobody chooses have the factor 1.
 
 
 class Error(ABC):
-    """The largest error of all poses by what is chosen, and planes that touch it."""
+    """The largest error of all poses as a function of the choice, and planes that touch it."""
 
     convex = True
+    kind: str
+    """The error in words."""
 
     def __init__(self, model: ErrorModel, of: Sequence[int], now: np.ndarray) -> None:
-        """Of a model with choices of sizes `now` (v,); `of` is each contribution's, or -1."""
-        self.model, self.of = model, np.array(of, int)
-        self._unit = np.append(1.0 / now, 1.0)[self.of]
+        """The error of a model made with the choice `now` (v,).
+
+        `of` says which component of the choice multiplies each contribution; -1: none.
+        """
+        self.model, self._of, self._count = model, np.array(of, int), len(now) + 1
+        self._unit = np.append(1.0 / now, 1.0)[self._of]
 
     @abstractmethod
     def planes(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The error as rows . z + offsets, exact at z and nowhere above it; (m, v), (m,) [m].
+        """Planes rows . z + offsets that equal the error at z and, if it is convex, bound it below.
 
-        Of m poses: all, or those that may have the largest error.
+        One for each of m poses: all, or those that may have the largest error; (m, v), (m,) [m].
         """
 
     @abstractmethod
     def parts(self, z: np.ndarray) -> np.ndarray:
-        """What each contribution adds where the error is largest, (k,) [m]."""
+        """Share of each contribution in the largest error, (k,) [m]."""
 
     def at(self, z: np.ndarray) -> float:
-        """The error [m]."""
+        """The largest error at a choice [m]."""
         rows, offsets = self.planes(z)
         return float((rows @ z + offsets).max())
 
     def slopes(self, z: np.ndarray) -> np.ndarray:
-        """How the largest error grows with each choice, (v,) [m]."""
+        """Derivative of the largest error by each component of the choice, (v,) [m]."""
         rows, offsets = self.planes(z)
         return np.asarray(rows[(rows @ z + offsets).argmax()])
 
     def _ratio(self, z: np.ndarray) -> np.ndarray:
-        """What contributions as they are must be multiplied by, (k,)."""
-        return np.asarray(np.append(z, 1.0)[self.of] * self._unit)
+        """Factor of each of the model's contributions at a choice, (k,)."""
+        return np.asarray(np.append(z, 1.0)[self._of] * self._unit)
 
-    def _by_choice(self, values: np.ndarray, count: int) -> np.ndarray:
-        """Sums over contributions (k, ...) of each choice and of what stays, (v + 1, ...)."""
-        sums = np.zeros((count, *values.shape[1:]))
+    def _by_choice(self, values: np.ndarray) -> np.ndarray:
+        """Values of contributions (k, ...) summed by component of the choice, (v + 1, ...).
+
+        They are per unit of the choice; the last sum is of contributions that nobody chooses.
+        """
+        sums = np.zeros((self._count, *values.shape[1:]))
         weighted = values * self._unit.reshape(-1, *[1] * (values.ndim - 1))
-        np.add.at(sums, self.of % count, weighted)
+        np.add.at(sums, self._of % self._count, weighted)
         return sums
 
 
 class WorstCase(Error):
-    """The largest distance of the tool at all."""
+    """The largest distance of the tool in any state."""
+
+    kind = "static worst case"
 
     def __init__(self, model: ErrorModel, of: Sequence[int], now: np.ndarray) -> None:
         super().__init__(model, of, now)
-        self.convex, self._count = not model.tied, len(now) + 1
+        self.convex = not model.tied
         self._sphere = half_sphere(_DIRECTIONS_TIED) if model.tied else model.sphere
         self._grids: dict[int, np.ndarray] = {}
 
     def planes(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Along the worst direction of each pose."""
+        """Support functions along the worst direction of each pose that may be the worst."""
         ratio = self._ratio(z)
         (counting,) = np.nonzero(ratio)
         scaled = self.model.scaled(self.model.scale * ratio)
-        total = self._around(z) if self.convex else scaled.values(self._sphere).sum(axis=0)
+        total = self._on_sphere(z) if self.convex else scaled.values(self._sphere).sum(axis=0)
         size = total.max(axis=1)
         (near,) = np.nonzero(size >= _NEAR * size.max())
         start = self._sphere[total[near].argmax(axis=1)]
@@ -127,15 +138,15 @@ class WorstCase(Error):
             parts = self.model.subset(poses=near).along(d).value[..., 0]
         else:
             parts = scaled.subset(poses=near).along(d).value[..., 0] / ratio[:, None]
-        rows = self._by_choice(parts, self._count).T
+        rows = self._by_choice(parts).T
         self._worst = parts[:, int((rows @ np.append(z, 1.0)).argmax())]
         return rows[:, :-1], rows[:, -1]
 
-    def _around(self, z: np.ndarray) -> np.ndarray:
-        """The error at all poses along all directions, (n, m): sums of what each choice does."""
+    def _on_sphere(self, z: np.ndarray) -> np.ndarray:
+        """The error at all poses along all directions, (n, m), from sums that are kept."""
         total = np.zeros((self.model.poses, len(self._sphere)))
         for k, part in enumerate(np.append(z, 1.0)):
-            (members,) = np.nonzero(self.of % self._count == k)
+            (members,) = np.nonzero(self._of % self._count == k)
             if part == 0.0 or not len(members):
                 continue
             if k not in self._grids:
@@ -152,6 +163,8 @@ class WorstCase(Error):
 class RootMeanSquare(Error):
     """The largest root mean square distance of the tool."""
 
+    kind = "RMS"
+
     def __init__(self, model: ErrorModel, of: Sequence[int], now: np.ndarray) -> None:
         if model.tied:
             raise JointplayError(
@@ -159,13 +172,12 @@ class RootMeanSquare(Error):
                 "the worst case, or give the loops joints that do not (kind 'planar', balls)"
             )
         super().__init__(model, of, now)
-        count = len(now) + 1
-        self._means = self._by_choice(model.means, count)
+        self._means = self._by_choice(model.means)
         variances = np.trace(model.covariances, axis1=2, axis2=3)
-        self._variances = self._by_choice(variances * self._unit[:, None], count)
+        self._variances = self._by_choice(variances * self._unit[:, None])
 
     def planes(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """By the derivative of the root of a quadratic form."""
+        """Tangents of the root of a quadratic form."""
         factors = np.append(z, 1.0)
         mean = np.einsum("kni,k->ni", self._means, factors)
         square = (mean**2).sum(axis=1) + factors**2 @ self._variances
@@ -183,9 +195,9 @@ class RootMeanSquare(Error):
 
 
 class Quantile(Error):
-    """The largest distance that a part of all states of the journals keeps to.
+    """The largest quantile of the tool's distance over random states of the journals.
 
-    A state is drawn at the poses that matter; the result is judged at all of them (`spread`).
+    States are drawn at the poses with the largest errors; the result is judged at all (`spread`).
     """
 
     convex = False
@@ -199,15 +211,16 @@ class Quantile(Error):
                 "journals that tilt in a loop constrain each other: use the worst case, or kind "
                 "'planar'"
             )
-        self.quantile, self.seed, self._count = quantile, seed, len(now) + 1
+        self.quantile, self.seed = quantile, seed
+        self.kind = f"static {100 * quantile:g} % quantile, of {SAMPLES} states"
         first = drawn(model, seed, SAMPLES // 20).sum(axis=0)
         size = np.quantile(np.linalg.norm(first, axis=2), quantile, axis=1)
         super().__init__(model.subset(poses=np.argsort(size)[-_QUANTILE_POSES:]), of, now)
         self._states = drawn(self.model, seed)
 
     def planes(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The mean over states about the quantile of what each adds along the error."""
-        rows = self._by_choice(self._additions(z), self._count).T
+        """Tangents of the quantile, averaged over the states next to it."""
+        rows = self._by_choice(self._additions(z)).T
         return rows[:, :-1], rows[:, -1]
 
     def parts(self, z: np.ndarray) -> np.ndarray:
@@ -215,7 +228,7 @@ class Quantile(Error):
         return np.asarray(additions[:, additions.sum(axis=0).argmax()])
 
     def _additions(self, z: np.ndarray) -> np.ndarray:
-        """What each contribution as it is adds at each pose, (k, n)."""
+        """Share of each of the model's contributions in the quantile per factor, (k, n) [m]."""
         scale = self._ratio(z)
         total = np.einsum("j,jnsk->nsk", scale, self._states)
         size = np.linalg.norm(total, axis=2)
@@ -226,12 +239,13 @@ class Quantile(Error):
         poses = np.arange(self.model.poses)[:, None]
         unit = total[poses, near] / np.maximum(size[poses, near], 1e-300)[..., None]
         adds = np.einsum("jnsk,nsk->jn", self._states[:, poses, near], unit) / near.shape[1]
+        # Scaled, so that they add up to the quantile itself and not to the mean about it.
         mean, exact = scale @ adds, size[poses[:, 0], order[:, place]]
         return np.asarray(adds * np.divide(exact, mean, out=np.ones_like(mean), where=mean > 0.0))
 
 
 def drawn(model: ErrorModel, seed: int, count: int = SAMPLES) -> np.ndarray:
-    """The tool's errors where loads of random directions put each play, (k, n, count, 3) [m]."""
+    """The tool's errors as loads of random directions push each play, (k, n, count, 3) [m]."""
     random = np.random.default_rng(seed)
     states = []
     for k in range(len(model.contributions)):
@@ -243,7 +257,10 @@ def drawn(model: ErrorModel, seed: int, count: int = SAMPLES) -> np.ndarray:
 
 
 def spread(model: ErrorModel, quantile: float, seed: int) -> tuple[float, tuple[float, float]]:
-    """A quantile of the error at the worst of all poses, and its 95 % interval [m]."""
+    """A quantile of the error at the worst of all poses, and its 95 % interval [m].
+
+    The interval is between order statistics, by the binomial distribution of their ranks.
+    """
     size = np.sort(np.linalg.norm(drawn(model, seed).sum(axis=0), axis=2), axis=1)
     low, high = binom.ppf([0.025, 0.975], SAMPLES, quantile).astype(int)
     place = int(np.ceil(quantile * SAMPLES)) - 1
@@ -251,24 +268,26 @@ def spread(model: ErrorModel, quantile: float, seed: int) -> tuple[float, tuple[
     return float(row[place]), (float(row[low]), float(row[min(high, SAMPLES - 1)]))
 
 
-# What is to be chosen, and what it costs.
+# The choice, and its price.
 
 
 @dataclass(frozen=True)
 class Sizes:
-    """What can have any size within limits, as a part x of what it is."""
+    """Sizes to be chosen within limits, each as a part x of what it is now; all arrays (s,)."""
 
     keys: tuple[Key, ...]
     weight: np.ndarray
+    """Factor of each one's price."""
     least: np.ndarray
     most: np.ndarray
     unit: np.ndarray
-    """What x = 1 counts in the price; of clearances millimetres."""
+    """Size at x = 1 in the unit of its price: of clearances in millimetres."""
     cost: str
-    """One of `COSTS`, of unit times x."""
+    """Price of unit times x, one of `COSTS`."""
 
     @property
     def power(self) -> int:
+        """Exponent of reciprocal prices."""
         return 2 if self.cost == "reciprocal-squared" else 1
 
     @property
@@ -277,18 +296,20 @@ class Sizes:
 
     @cached_property
     def scaled(self) -> np.ndarray:
+        """Factor of x, or of its reciprocal power, in the price."""
         return self.weight * (self.unit if self.linear else self.unit**-self.power)
 
     def prices(self, x: np.ndarray) -> np.ndarray:
         return self.scaled * (self.most - x if self.linear else x**-self.power)
 
     def slopes(self, x: np.ndarray) -> np.ndarray:
+        """Derivatives of the prices by x."""
         if self.linear:
             return -self.scaled
         return -self.power * self.scaled * x ** (-self.power - 1)
 
     def held(self, x: np.ndarray) -> list[str]:
-        """What holds each: ``least``, ``most``, or ``target``."""
+        """The bound that holds each size: ``least``, ``most``, or ``target``."""
         return [
             "least" if p <= low * (1.0 + 1e-6) else "most" if p >= high * (1.0 - 1e-6) else "target"
             for p, low, high in zip(x, self.least, self.most, strict=True)
@@ -296,12 +317,15 @@ class Sizes:
 
 
 class Problem:
-    """The cheapest choice on a growing set of poses and directions."""
+    """The cheapest choice that keeps a target, solved by cutting planes.
+
+    The cuts, rows . z + offsets <= target, are a growing set of poses and directions.
+    """
 
     def __init__(
         self, error: Error, sizes: Sizes, offers: Sequence[np.ndarray], target: float, bar: Any
     ) -> None:
-        """Error by sizes, then offers; prices of each joint's offers; target [m]."""
+        """`offers` are the prices of each joint's offers; `bar` counts rounds; target in m."""
         self.error, self.sizes, self.offers, self.target = error, sizes, offers, target
         self._bar, self._count = bar, len(sizes.keys)
         self._ends = self._count + np.cumsum([0, *(len(prices) for prices in offers)])
@@ -310,13 +334,15 @@ class Problem:
         self._tangents = np.geomspace(sizes.least, sizes.most, _TANGENTS)
 
     def free(self) -> np.ndarray:
+        """The cheapest choice without a target: the largest sizes, the cheapest offers, (v,)."""
         return np.concatenate([self.sizes.most, *(np.eye(len(p))[p.argmin()] for p in self.offers)])
 
     def chosen(self, z: np.ndarray) -> list[int]:
+        """Index of the offer that is bought for each joint."""
         return [int(z[a:b].argmax()) for a, b in zip(self._ends, self._ends[1:], strict=False)]
 
     def solve(self) -> np.ndarray:
-        """The cheapest sizes, and a one for each offer that is taken, (v,)."""
+        """The cheapest choice: sizes, and 1 for each offer that is bought, (v,)."""
         z = self.free()
         if self._add(z) <= self.target:
             return z
@@ -325,24 +351,24 @@ class Problem:
         self._require_reachable()
         for _ in range(_ROUNDS):
             z = self._cheapest()
-            if self._add(z) <= self.target * (1.0 + FITS):
+            if self._add(z) <= self.target * (1.0 + TOLERANCE):
                 return z
         raise JointplayError("the allocation did not settle; give fewer poses, offers or causes")
 
     @property
     def relief(self) -> float:
-        """Price saved by a target one metre wider [1/m]."""
+        """Price saved by a target one metre wider, the sum of the cuts' multipliers [1/m]."""
         return float(self._multipliers.sum())
 
     def gains(self, z: np.ndarray) -> np.ndarray:
-        """Error per choice where the target binds, (v,) [m]."""
+        """Error per component of the choice where the target binds, (v,) [m]."""
         known = self._rows[: len(self._multipliers)]
         if self._multipliers.any():
             return np.asarray(self._multipliers @ known / self._multipliers.sum())
         return self.error.slopes(z)
 
     def _add(self, z: np.ndarray) -> float:
-        """Take into account where the error is largest; the error there [m]."""
+        """Add cuts at the poses with the largest errors at z, and return the largest [m]."""
         self._bar.update()
         rows, offsets = self.error.planes(z)
         values = rows @ z + offsets
@@ -352,23 +378,23 @@ class Problem:
         return float(values.max())
 
     def _require_reachable(self) -> None:
-        """Refuse a target that no choice keeps, whatever it costs."""
+        """Refuse a target that no choice keeps at any price."""
         z = np.concatenate([self.sizes.least, *(np.eye(len(p))[0] for p in self.offers)])
         for _ in range(_ROUNDS):
             if self._add(z) <= self.target:
                 return
             if not self.error.convex:
                 break
-            # Where loads shift the tool against each other, the least need not be the best.
+            # Shifts by different loads may cancel: then the smallest sizes are not the best.
             z, bound = self._least()
             if bound > self.target:
                 raise Unreachable(self.target, bound, z)
         raise Unreachable(self.target, max(self.error.at(z), self.target), z)
 
     def _least(self) -> tuple[np.ndarray, float]:
-        """The choice with the least error by what is known, and this error [m]."""
+        """The choice with the least error on the known cuts, and this error [m]."""
         column = np.ones((len(self._rows), 1))
-        solution = self._integers(
+        solution = self._mixed_integer(
             np.append(np.zeros(self._ends[-1]), 1.0),
             np.hstack([self._rows / self.target, -column]),
             -self._offsets / self.target,
@@ -376,10 +402,13 @@ class Problem:
         assert solution is not None
         return solution[:-1], float(solution[-1]) * self.target
 
-    def _integers(
+    def _mixed_integer(
         self, price: np.ndarray, rows: np.ndarray, slack: np.ndarray
     ) -> np.ndarray | None:
-        """The cheapest choice with rows . (z, more) <= slack; None: there is none."""
+        """The (z, y) of least price with rows . (z, y) <= slack and one offer for each joint.
+
+        y >= 0 are as many further variables as `price` has; None: there is no solution.
+        """
         more = len(price) - self._ends[-1]
         low = np.concatenate([self.sizes.least, np.zeros(len(price) - self._count)])
         ones = np.ones(self._ends[-1] - self._count)
@@ -397,32 +426,37 @@ class Problem:
         return None if result.x is None else np.clip(result.x, low, high)
 
     def _cheapest(self) -> np.ndarray:
+        """The cheapest choice on the known cuts, by outer approximation: offers by tangents of the
+        sizes' prices, then the sizes to these offers, until offers repeat.
+        """
         if not self.offers:
-            return self._sized(np.zeros(0))
+            return self._cheapest_sizes(np.zeros(0))
         tried: dict[tuple[int, ...], tuple[float, np.ndarray]] = {}
         while True:
-            picked = self._chosen_offers()
+            picked = self._cheapest_offers()
             key = tuple(self.chosen(picked))
             if key in tried:
                 return min(tried.values(), key=lambda entry: entry[0])[1]
-            z = self._sized(picked[self._count :].round())
+            z = self._cheapest_sizes(picked[self._count :].round())
             tried[key] = self.price(z), z
             if not self._count:
                 return z
             self._tangents = np.vstack([self._tangents, z[: self._count]])
 
     def price(self, z: np.ndarray) -> float:
+        """Price of a choice."""
         x, picked = z[: self._count], z[self._count :]
         return float(self.sizes.prices(x).sum() + np.concatenate([[], *self.offers]) @ picked)
 
-    def _chosen_offers(self) -> np.ndarray:
+    def _cheapest_offers(self) -> np.ndarray:
+        """The cheapest choice on the known cuts, with tangents for the prices of sizes."""
         prices, row = np.concatenate(self.offers), self._rows[-1, self._count :]
         prices = prices + _TIE * prices.max() * row / max(row.max(), 1e-300)
         rows, slack = self._rows / self.target, 1.0 - self._offsets / self.target
         k = self._count
         if self.sizes.linear or not k:
-            solution = self._integers(np.append(-self.sizes.scaled, prices), rows, slack)
-        else:  # one more number for each size: its price, above all tangents
+            solution = self._mixed_integer(np.append(-self.sizes.scaled, prices), rows, slack)
+        else:  # a further variable for each size: its price, above all tangents
             slopes = np.array([self.sizes.slopes(x) for x in self._tangents])
             at = np.array([self.sizes.prices(x) for x in self._tangents])
             count, total = len(slopes), self._ends[-1] + k
@@ -430,7 +464,7 @@ class Problem:
             cuts[:, np.arange(k), np.arange(k)] = slopes / at
             cuts[:, np.arange(k), self._ends[-1] + np.arange(k)] = -1.0 / at
             left = slopes * self._tangents / at - 1.0
-            solution = self._integers(
+            solution = self._mixed_integer(
                 np.concatenate([np.zeros(k), prices, np.ones(k)]),
                 np.vstack([np.hstack([rows, np.zeros((len(rows), k))]), cuts.reshape(-1, total)]),
                 np.append(slack, left.ravel()),
@@ -438,21 +472,24 @@ class Problem:
         assert solution is not None
         return solution[: self._ends[-1]]
 
-    def _sized(self, picked: np.ndarray) -> np.ndarray:
-        """The cheapest sizes with these offers (0 or 1), and the offers."""
-        k, sizes = self._count, self.sizes
-        rows = self._rows[:, :k] / self.target
-        slack = 1.0 - (self._offsets + self._rows[:, k:] @ picked) / self.target
+    def _cheapest_sizes(self, picked: np.ndarray) -> np.ndarray:
+        """The choice of cheapest sizes on the known cuts with these offers (0 or 1), (v,)."""
+        k = self._count
         if not k:
             return picked
-        solve = self._linear if sizes.linear else self._dual
+        rows = self._rows[:, :k] / self.target
+        slack = 1.0 - (self._offsets + self._rows[:, k:] @ picked) / self.target
+        solve = self._by_linear_program if self.sizes.linear else self._by_dual
         x, multipliers = solve(rows, slack)
         self._multipliers = multipliers / self.target
         return np.append(x, picked)
 
-    def _linear(self, rows: np.ndarray, slack: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _by_linear_program(
+        self, rows: np.ndarray, slack: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Sizes of least linear price with rows . x <= slack, and the rows' multipliers."""
         sizes = self.sizes
-        # The solver's tolerances are absolute: in parts of what each could have alone.
+        # The solver's tolerances are absolute: sizes are scaled by the largest each could have.
         alone = (slack[:, None] / np.maximum(rows, 1e-12)).min(axis=0)
         unit = np.clip(alone, sizes.least, sizes.most)
         largest = float((sizes.scaled * unit).max())
@@ -469,9 +506,11 @@ class Problem:
         x = np.clip(result.x * unit, sizes.least, sizes.most)
         return x, -result.ineqlin.marginals * largest
 
-    def _dual(self, rows: np.ndarray, slack: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """By the dual, which has bounds only: with multipliers y of the rows R, each size is
-        (p w / (R' y))^(1 / (p + 1)) within its limits.
+    def _by_dual(self, rows: np.ndarray, slack: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Sizes of least price w x^-p with rows R . x <= slack, and the rows' multipliers y.
+
+        The dual problem has bounds only: given y, each size is (p w / (R' y))^(1 / (p + 1)), or the
+        nearer of its limits.
         """
         sizes, power = self.sizes, self.sizes.power
         total = sizes.scaled.sum()
@@ -498,17 +537,17 @@ class Problem:
         return np.where(x > sizes.most * (1.0 - 1e-9), sizes.most, x), result.x * total
 
     def _solve_quantile(self, z: np.ndarray) -> np.ndarray:
-        """A quantile is not convex: what holds near the last sizes is solved."""
+        """The cheapest sizes for a quantile, by its tangents, as it is not convex."""
         least, most = self.sizes.least, self.sizes.most
         if (reached := self.error.at(least)) > self.target:
             raise Unreachable(self.target, reached, least)
         for _ in range(_QUANTILE_ROUNDS):
-            # All errors are nearly proportional to the sizes.
+            # Errors are nearly proportional to the sizes: begin on the target.
             start = np.maximum(z * self.target / self.error.at(z), least)
             rows, self._offsets = self.error.planes(start)
             self._offsets = np.minimum(self._offsets, (1.0 - 1e-3) * self.target)
             self._rows, self._multipliers = rows, np.zeros(0)
-            z = np.sqrt(start * self._sized(np.zeros(0)))
+            z = np.sqrt(start * self._cheapest_sizes(np.zeros(0)))  # half of the way there
         for _ in range(4):
             z = np.clip(z * self.target / self.error.at(z), least, most)
         return z
@@ -519,7 +558,8 @@ class Unreachable(Exception):
     """A target that no choice keeps."""
 
     target: float
-    """[m]."""
+    """The target [m]."""
     bound: float
-    """The error that is left [m]."""
+    """The least error that a choice leaves [m]."""
     z: np.ndarray
+    """That choice, (v,)."""

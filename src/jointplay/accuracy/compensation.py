@@ -1,16 +1,23 @@
-"""Motions that take the play out: commands so shifted that the tool is where it should be.
+"""Compensation of play: a motion whose commands are shifted so that the tool is where it should be.
 
-A controller that adds a number at each reversal does not know on which side a joint rests. Inverse
-dynamics do: a gear's teeth lie on the side to which their torque presses them, and wind up by it,
+A controller that adds a constant at each reversal does not know on which side a joint rests.
+Inverse dynamics do: a gear's teeth lie on the side to which their torque presses them, and wind up
+by it,
 
     command = reference + sign(tau) play / 2 + tau / K,    tau = rnea(q, q', q'') + friction,
 
 and journals rest where the load of the ideal motion presses them (`simulation.statics`, inertia
-forces included), which displaces the tool; the joints take that back through the Jacobian, its
-position before its turn unless the tool's size weighs both.
-Where friction can hold a gear's teeth on either side, its last side is kept; or stops are reached
-by a slow last way that is always made towards the same side, whose friction presses the teeth. What
-is found is a model's answer: `study.corners` has the engine judge it.
+forces included), which displaces the tool. So `compensate`
+
+1. finds where journals rest, and how far drives lag behind their commands;
+2. finds the torque of each gear's teeth, and from it their side and wind-up; where friction can
+   hold the teeth on either side, the last side is kept, or (`approach`) the stop is reached by a
+   slow last move always towards the same side, whose friction presses the teeth;
+3. takes the journals' displacement of the tool back through the Jacobian, its position before its
+   turn unless the tool's size weighs both;
+4. smooths the shifts until the motion is within the robot's limits.
+
+The result is a model's answer: `study.corners` has the engine judge it.
 """
 
 from __future__ import annotations
@@ -47,35 +54,35 @@ from jointplay.simulation.simulation import Simulation
 from jointplay.simulation.statics import StaticEquilibrium
 
 NODE_S = 0.02
-"""Interval at which sides are found, and at every other places of rest [s]; commands change so."""
+"""Interval of the nodes at which commands change and sides are found; positions of rest are found
+at every other node [s]."""
 SAMPLE_S = 0.01
 """Interval of the corrected motion's points [s]."""
 EASE_S = 0.25
-"""Time in which shifts begin and end, lest the corrected motion begin at a speed [s]: of 0.1 s its
-spline keeps some acceleration (judged by a UR5 with six journals)."""
+"""Time in which shifts set in and fade out, lest the corrected motion begin at a speed [s]: with
+0.1 s its spline keeps some acceleration (judged by a UR5 with six journals)."""
 STANDS_S = 1.0
-"""How long a machine is taken to stand before its motion and after it [s]."""
+"""Time for which a machine is taken to stand before its motion and after it [s]."""
 NEAR = 0.05
-"""Way without torque of the teeth, relative to their play, that is no error to speak of: what play
-is known to, or better (judged)."""
+"""Travel of unloaded teeth, relative to their play, that is a negligible error: play is known no
+better than that (judged)."""
 CROSSING = 4
-"""Most nodes by which the command crosses the play sooner and later than the torque does."""
+"""Most nodes by which the command crosses the play before and after the torque changes sign."""
 UNPRESSED = 1e-6
-"""Torque relative to the joint's largest one that presses no teeth: far above rounding, far below
+"""Torque, relative to the joint's largest one, that presses no teeth: far above rounding, far below
 any friction (judged)."""
 APPROACH_S = 0.24
 """Least time of an approach from one side [s]: a dozen of `NODE_S`."""
 OVERSHOOT = 1.25
-"""Way of an approach relative to the play: more than what an unknown side may be off by."""
+"""Length of an approach relative to the play: more than the error of an unknown side."""
 BRAKING = 0.5
-"""Largest torque that brakes an approach, relative to the friction that presses the teeth, which
-it must leave pressed: half is kept in case friction is less than known (judged)."""
+"""Largest torque that brakes an approach, relative to the friction that keeps the teeth pressed:
+half is left in case friction is less than known (judged)."""
 _BRAKES = 10.0 / np.sqrt(3.0)
 """Largest acceleration of a smooth step of fifth order of size 1 in time 1."""
-_REGULATED = "; encoders on the links see the play of their gears (--encoder motor changes that)"
 _SMOOTHINGS = 40
-"""How often a correction is smoothed that is beyond speed or effort limits: in the end over
-about a tenth of a second."""
+"""Most smoothings of a correction that exceeds limits of speed or effort: in the end over about a
+tenth of a second."""
 
 
 @dataclass(frozen=True)
@@ -83,28 +90,29 @@ class Compensation:
     """A motion corrected for play, at n nodes, for j joints and g gears."""
 
     simulation: Simulation
-    """What was compensated, with its motion as it was."""
+    """The simulation that was compensated, with its original motion."""
     times: np.ndarray
-    """Of the nodes, (n,) [s]."""
+    """Times of the nodes, (n,) [s]."""
     shift: np.ndarray
-    """What is added to the command of each joint of the motion, (n, j) [rad or m]."""
+    """Shift added to the command of each joint of the motion, (n, j) [rad or m]."""
     gears: tuple[str, ...]
+    """Joints whose gears have play behind their encoder."""
     torque: np.ndarray
-    """Of the teeth of each gear, friction included, (n, g) [N m or N]."""
+    """Torque of each gear's teeth, friction included, (n, g) [N m or N]."""
     side: np.ndarray
-    """On which they lie: 1, -1, or 0 before anything has pressed them, (n, g)."""
+    """Side on which the teeth lie: 1, -1, or 0 before anything has pressed them, (n, g)."""
     undecided: np.ndarray
-    """Whether friction, or no torque, lets them lie on either, (n, g)."""
+    """Whether friction, or no torque, lets the teeth lie on either side, (n, g)."""
     displacement: np.ndarray
-    """Of the tool by the journals at rest, world axes, (n, 6) [m, rad]."""
+    """Displacement of the tool by the journals at rest, world axes, (n, 6) [m, rad]."""
     smoothed: int = 0
-    """How often the correction had to be smoothed for limits of speed and effort."""
+    """Number of smoothings that limits of speed and effort required."""
     clipped: tuple[str, ...] = ()
     """Joints held at their limits of position."""
     approached: tuple[tuple[float, str], ...] = ()
-    """Stops that are approached from one side: from when on [s], and by which gear."""
+    """Stops that are approached from one side: begin of the stop [s], and gear."""
     learned: int = 0
-    """Passes learned from own runs."""
+    """Number of runs of this motion from which further shifts were learned."""
     size: float | None = None
     """Length by which turns of the tool are weighed [m]; None: its position comes first."""
 
@@ -115,12 +123,12 @@ class Compensation:
 
     @property
     def crossings(self) -> np.ndarray:
-        """How often the teeth of each gear change sides, (g,)."""
+        """Number of times that the teeth of each gear change sides, (g,)."""
         return np.asarray((self.side[1:] * self.side[:-1] < 0).sum(axis=0))
 
     @property
     def undecided_stops(self) -> list[tuple[float, tuple[str, ...]]]:
-        """Stops that leave a side open, not approached: from when on [s], and of which gears."""
+        """Stops with an undecided side that are not approached: begin [s], and gears."""
         by_time: dict[float, list[str]] = {}
         for time, name in _open_stops(self.simulation, self.times, self.gears, self.undecided):
             if (time, name) not in self.approached:
@@ -129,13 +137,14 @@ class Compensation:
 
     @property
     def notes(self) -> list[str]:
+        """Notes on what the correction leaves open or had to give up, lines of text."""
         lines = []
         if self.gears:
             parts = 100.0 * self.undecided.mean(axis=0)
             shares = [f"{g} {p:.0f} %" for g, p in zip(self.gears, parts, strict=True) if p >= 0.5]
             lines.append(
-                "time in which friction leaves open on which side teeth lie, the last one is kept: "
-                + (", ".join(shares) or "none")
+                "part of the time in which friction leaves the side of the teeth open (the last "
+                f"one is kept): {', '.join(shares) or 'none'}"
             )
         if open_ := self.undecided_stops:
             lines.append(f"note: stops with an undecided side: {_stops_text(open_)}")
@@ -169,7 +178,7 @@ class Compensation:
         ])  # fmt: skip
 
     def data(self) -> Table:
-        """A row for each node: shift of each joint; torque and side of each gear."""
+        """A row for each node: shift of each joint; torque and side (0: undecided) of each gear."""
         columns = [Column("time", self.times, "s")]
         shifts = zip(_motion(self.simulation).joints, self.shift.T, strict=True)
         columns += [Column(f"shift {name}", values) for name, values in shifts]
@@ -180,6 +189,7 @@ class Compensation:
 
 
 def _stops_text(open_stops: Sequence[tuple[float, tuple[str, ...]]]) -> str:
+    """The first eight stops, each with its time and gears, in words."""
     parts = [f"{time:.4g} s ({few(list(names))})" for time, names in open_stops[:8]]
     return ", ".join(parts) + (f" and {len(open_stops) - 8} more" if len(open_stops) > 8 else "")
 
@@ -195,13 +205,13 @@ def compensate(
     """The motion of a simulation, corrected for the play, wind-up and deflection of its joints.
 
     Args:
-        simulation: a robot without loops on a base that is held, its motion, drives, payloads,
-            friction of joints.
-        approach: reach stops at which friction leaves a gear's side open from one side: the tool
-            arrives aside, by somewhat more than the play, and creeps to its place.
-        size: of the tool, or of what it holds: a turn counts as much as the displacement of what is
-            so far from it [m]. None: the tool's position comes first, and its turn is taken back as
-            far as that leaves joints free.
+        simulation: a robot without loops on a base that is held, with its motion, drives, payloads
+            and friction of joints.
+        approach: reach stops at which friction leaves a gear's side undecided from one side: the
+            tool arrives aside, by somewhat more than the play, and creeps to its place.
+        size: size of the tool or of what it holds: a turn counts as the displacement at this
+            distance from the tool [m]. None: the tool's position comes first, and its turn is taken
+            back as far as that leaves joints free.
         progress: show a bar on standard error.
 
     Raises:
@@ -213,40 +223,48 @@ def compensate(
     mechanism, motion = compensable(simulation)
     if size is not None:
         require_positive("size of the tool", size, "m")
+    # Nodes, and the displacement of the tool by journals at rest.
     count = 2 * max(round(0.5 * motion.duration / NODE_S), 2) + 1
     times = np.linspace(0.0, motion.duration, count)
     gears = tuple(n for n in mechanism.gears if n in motion.joints and _is_behind(simulation, n))
-    displacement, rubbing = np.zeros((count, 6)), dict[str, np.ndarray]()
+    displacement, journal_friction = np.zeros((count, 6)), dict[str, np.ndarray]()
     if mechanism.clearance:
-        moved, rubs = _journals(simulation, times[::2], progress)
-        displacement = _smooth(times[::2], moved, times)
-        rubbing = {name: _smooth(times[::2], rub.T, times).T for name, rub in rubs.items()}
-    lag = _lag(simulation, times, rubbing)
-    torque, held, inertia = _torques(simulation, times, gears, rubbing)
+        moved, torques = _journals(simulation, times[::2], progress)
+        displacement = _interpolated(times[::2], moved, times)
+        for name, values in torques.items():
+            journal_friction[name] = _interpolated(times[::2], values.T, times).T
+    # The lag of drives, and the side of each gear's teeth by their torque.
+    lag = _lag(simulation, times, journal_friction)
+    torque, held, inertia = _torques(simulation, times, gears, journal_friction)
     play = np.array([max(mechanism.gears[name].play, 1e-12) for name in gears])
+    # Acceleration of unloaded teeth, in plays per node interval squared.
     fall = times[1] ** 2 * np.abs(torque) / (inertia * play)
     side, undecided = _sides(torque, held, fall, STANDS_S / times[1])
     if not (gears or mechanism.clearance or lag.any()):
-        raise JointplayError(
+        text = (
             "there is nothing to compensate: give joints with clearance, gears with play, such as "
             '--clearance "0.1 mm" or --gear NAME="2 arcmin", or servos, which sag'
-            + _REGULATED
-            * bool(mechanism.gears)
         )
+        if mechanism.gears:
+            text += "; encoders on the links see the play of their gears"
+            text += " (--encoder motor changes that)"
+        raise JointplayError(text)
     if gears and not (mechanism.clearance or lag.any()) and undecided.all():
         raise JointplayError(
             f"no torque decides on which side the teeth of {few(list(gears))} lie, at any time: "
             "nothing can be compensated"
         )
+    # The shift: lag, play and wind-up of gears, approaches, and the journals' displacement.
     shift = lag
     for k, name in enumerate(gears):
         twist = mechanism.gears[name].wound_up(side[:, k] * np.abs(torque[:, k]))
         free = _crossing(side[:, k], np.where(undecided[:, k], np.inf, fall[:, k]))
-        twist = _carried(twist, undecided[:, k])[~free]
-        shift[:, motion.joints.index(name)] += _smooth(times[~free], twist, times)
+        twist = _hold_last(twist, undecided[:, k])[~free]
+        shift[:, motion.joints.index(name)] += _interpolated(times[~free], twist, times)
     approaches = []
     if approach:
         approaches = _approaches(simulation, times, gears, undecided, torque, inertia)
+    # Stops at which a joint stands on share its approach: that to the last one.
     for final in {(a.k, a.arrival): a for a in approaches}.values():
         final.apply(simulation, times, shift, side, undecided)
     if mechanism.clearance:
@@ -261,12 +279,12 @@ def compensate(
 def corrected_motion(
     simulation: Simulation, times: np.ndarray, shift: np.ndarray
 ) -> tuple[Motion, tuple[str, ...]]:
-    """The motion with shifts (n, j) at nodes added, and joints that were held at their limits."""
+    """The motion with shifts (n, j) at nodes added, and the joints held at their limits."""
     motion = _motion(simulation)
     count = max(round(motion.duration / SAMPLE_S), 12) + 1
     dense = np.linspace(0.0, motion.duration, count)
     reference = motion(dense)[0]
-    moved = reference + _smooth(times, shift, _eased(dense))
+    moved = reference + _interpolated(times, shift, _eased(dense))
     clipped = []
     entries = simulation.mechanism.description.joints
     for k, name in enumerate(motion.joints):
@@ -281,11 +299,11 @@ def corrected_motion(
 
 
 def _eased(times: np.ndarray) -> np.ndarray:
-    """Times at which shifts are taken that neither begin nor end at speed, as spline ends may."""
+    """Times slowed down to a stop at both ends: shifts taken at them begin and end at rest."""
     ease = min(EASE_S, 0.5 * times[-1])
 
     def late(x: np.ndarray) -> np.ndarray:
-        """x from 1 on, and from 0 to 1 a curve that begins at rest and joins it smoothly."""
+        """x from 1 on; between 0 and 1 a curve that begins at rest and joins it smoothly."""
         return np.where(x < 1.0, x**3 * (6.0 - 8.0 * x + 3.0 * x**2), x)
 
     first = ease * late(times / ease)
@@ -295,7 +313,7 @@ def _eased(times: np.ndarray) -> np.ndarray:
 def through_jacobian(
     simulation: Simulation, times: np.ndarray, displacement: np.ndarray, size: float | None
 ) -> np.ndarray:
-    """Displacements of the joints of the motion, (n, j), that move the ideal tool so (n, 6)."""
+    """Displacements of the motion's joints, (n, j), that displace the ideal tool by (n, 6)."""
     ideal, motion = simulation.mechanism.ideal(), _motion(simulation)
     shifts = np.zeros((len(times), len(motion.joints)))
     for k, position in enumerate(motion(times)[0]):
@@ -305,59 +323,60 @@ def through_jacobian(
 
 
 def firmware_rule(simulation: Simulation, times: np.ndarray) -> np.ndarray:
-    """Shifts (n, j) by the rule of firmware: half the play towards the sign of the last speed."""
+    """Shifts (n, j) by the rule that firmware uses: half the play in the direction of motion."""
     mechanism, motion = simulation.mechanism, _motion(simulation)
     shift = np.zeros((len(times), len(motion.joints)))
     speed = motion(times)[1]
     for k, name in enumerate(motion.joints):
         if name in mechanism.gears and _is_behind(simulation, name):
-            shift[:, k] = 0.5 * mechanism.gears[name].play * _way_to(speed[:, k])
+            shift[:, k] = 0.5 * mechanism.gears[name].play * _direction(speed[:, k])
     return shift
 
 
 def compensable(simulation: Simulation) -> tuple[Mechanism, Motion]:
-    """Its mechanism and motion.
+    """The mechanism and motion of a simulation, refused unless the motion can be compensated.
 
     Raises:
         JointplayError: no motion that ends, loops, a free base, or a motion outside limits.
     """
     mechanism, motion = simulation.mechanism, simulation.motion
     if motion is None:
-        raise JointplayError("a motion is needed to be compensated: give one", ("motion",))
+        raise JointplayError("a motion is needed that can be compensated: give one", ("motion",))
     if motion.interpolation in GOES_ON:
         text = f"a motion that goes on after its end ({motion.interpolation}) is not compensated"
         raise JointplayError(text, ("motion", "interpolation"))
     if mechanism.loops or mechanism.free_base is not None:
         text = "closed loops" if mechanism.loops else "a free base"
-        raise JointplayError(f"only robots without loops on a base that is held, not with {text}")
+        raise JointplayError(f"a robot with {text} cannot be compensated")
     if simulation.limits != "ignore":
         limits.check_motion(mechanism, motion, motion.joints)
     return mechanism, motion
 
 
 def _motion(simulation: Simulation) -> Motion:
-    """Of a simulation that is `compensable`."""
+    """The motion of a simulation that is `compensable`."""
     assert simulation.motion is not None
     return simulation.motion
 
 
 def _is_behind(simulation: Simulation, joint: str) -> bool:
-    """Whether a gear's play lies behind what the joint's encoder sees."""
+    """Whether the play of a joint's gear lies behind its encoder, which is on the motor."""
     drives = assign(simulation.mechanism, simulation.motion, simulation.drive)
     return getattr(drives[joint], "encoder", "motor") == "motor"
 
 
 def _lag(
-    simulation: Simulation, times: np.ndarray, rubbing: Mapping[str, np.ndarray]
+    simulation: Simulation, times: np.ndarray, journal_friction: Mapping[str, np.ndarray]
 ) -> np.ndarray:
-    """How far drives are behind what they are commanded to, e, (n, j) [rad or m].
+    """Lag of drives behind their commands, e, (n, j) [rad or m].
 
-    Computed torque by what it does not know, payloads, loads and the friction of journals, over the
-    stiffness omega^2 I that it gives the joint. A servo by the voltage V that its motor needs,
+    Computed torque lags by the efforts that it does not know (payloads, loads, the friction of
+    journals) over the stiffness omega^2 I that it gives the joint. A servo lags by the voltage V
+    that its motor needs, and by its dead band:
 
-        V = tau / stall + k qd,    P de/dt + I e = dV/dt    (without I term e = V / P),
+        V = tau / stall + k qd,    P de/dt + I e = dV/dt    (without I term e = V / P).
 
-    and its dead band; where it stands its friction holds it as it came.
+    Where it stands, its friction keeps the sign that it had in motion.
     """
     mechanism, motion = simulation.mechanism, _motion(simulation)
     drives, friction = assign(mechanism, motion, simulation.drive), joint_friction(simulation)
@@ -368,7 +387,9 @@ def _lag(
     for k, name in enumerate(motion.joints):
         drive, speed, gear = drives[name], speeds[:, k], mechanism.gears.get(name)
         rotor = 0.0 if gear is None else gear.rotor_inertia
-        journal = np.where(np.abs(speed) < STILL, 0.0, rubbing.get(name, np.zeros((1, 1)))[0])
+        journal = np.where(
+            np.abs(speed) < STILL, 0.0, journal_friction.get(name, np.zeros((1, 1)))[0]
+        )
         if isinstance(drive, ComputedTorque):
             bandwidth = drive.through_teeth(inertia[0, k], gear).bandwidth or BANDWIDTH
             stiffness = bandwidth**2 * (inertia[0, k] + rotor)
@@ -376,13 +397,13 @@ def _lag(
         elif isinstance(drive, Servo):
             losses = drive.with_friction(friction.get(name, JointFriction()))
             effort = efforts[:, k] + journal + rotor * accelerations[:, k]
-            effort += losses.coulomb * _way_to(speed) + losses.viscous * speed
+            effort += losses.coulomb * _direction(speed) + losses.viscous * speed
             volts = effort / drive.stall + drive.torque_constant * speed
             error = volts / drive.p_gain
-            fades = np.exp(-drive.i_gain / drive.p_gain * times[1])
+            decay = np.exp(-drive.i_gain / drive.p_gain * times[1])  # of an error, by the I term
             for node in range(1, len(times) if drive.i_gain else 0):
                 rise = (volts[node] - volts[node - 1]) / drive.p_gain
-                error[node] = fades * error[node - 1] + rise
+                error[node] = decay * error[node - 1] + rise
             lag[:, k] = error + drive.band * np.sign(error)
     return lag
 
@@ -390,9 +411,9 @@ def _lag(
 def _efforts(
     simulation: Simulation, motion: Motion, times: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Efforts of the joints of a motion of the ideal robot [N m or N], and inertias, (n, j).
+    """Efforts of the joints in a motion of the ideal robot [N m or N], and inertias, (n, j).
 
-    Loads are as at time 0.
+    Loads act as at time 0.
     """
     ideal = simulation.mechanism.ideal()
     acting = static_loads(ideal, with_force(ideal, (0.0, 0.0, 0.0), simulation.loads))
@@ -416,12 +437,12 @@ def _torques(
     simulation: Simulation,
     times: np.ndarray,
     gears: Sequence[str],
-    rubbing: Mapping[str, np.ndarray],
+    journal_friction: Mapping[str, np.ndarray],
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Torque of the teeth of gears, what leaves their side open [N m or N], inertias: (n, g) each.
+    """Torque of gears' teeth, friction that can hold them [N m or N], and inertias: (n, g) each.
 
-    A side is left open by friction of a joint that stands, which may have either sign. That of
-    journals is `rubbing`, as `_journals` has it.
+    The friction of a joint that stands may have either sign: it can hold the teeth on either side
+    against a smaller torque. `journal_friction` is that of `_journals`.
     """
     motion = _motion(simulation)
     columns = [motion.joints.index(name) for name in gears]
@@ -431,7 +452,7 @@ def _torques(
     for k, name in enumerate(gears):
         losses, speed = friction.get(name, JointFriction()), speeds[:, k]
         still = np.abs(speed) < STILL
-        journal = rubbing.get(name, np.zeros((2, len(times))))
+        journal = journal_friction.get(name, np.zeros((2, len(times))))
         tau[:, k] += np.where(still, 0.0, losses.torque(speed) + journal[0])
         held[still, k] = losses.coulomb + losses.excess + journal[1, still]
     return tau, held, inertia
@@ -440,33 +461,36 @@ def _torques(
 def _sides(
     torque: np.ndarray, held: np.ndarray, fall: np.ndarray, stands: float = 0.0
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Sides (n, g), the last one kept where it is not decided, and where that is so (n, g).
+    """Side of the teeth (n, g), the last one where it is undecided, and whether it is, (n, g).
 
-    Nor do torques decide that cease before they have brought what they turn across `NEAR` of the
-    play; `fall` is their acceleration as a part of the play in a node's time squared, (n, g), and
-    the machine `stands` so many nodes' times before and after.
+    A side is undecided where friction can hold the torque, and where the torque ceases before it
+    has moved the teeth by `NEAR` of the play. `fall` is their acceleration, in plays per node
+    interval squared, (n, g); `stands` is the time, in node intervals, for which the machine stands
+    before and after its motion.
     """
     least = UNPRESSED * np.abs(torque).max(axis=0, initial=0.0)
     undecided = np.abs(torque) <= np.maximum(held, least)
     sides = np.where(undecided, 0.0, np.sign(torque))
     for k, column in enumerate(sides.T):
         edges = np.flatnonzero(np.diff(column, prepend=np.nan, append=np.nan))
-        for begin, end in pairwise(edges):
+        for begin, end in pairwise(edges):  # intervals in which the side stays the same
             travel = np.cumsum(fall[begin:end, k]).sum()
             if begin == 0 or end == len(column):
                 travel += 0.5 * stands**2 * fall[begin if begin == 0 else end - 1, k]
             if travel < NEAR:
                 undecided[begin:end, k], column[begin:end] = True, 0.0
-    last = np.array([_carried(column, column == 0.0) for column in sides.T]).T.reshape(sides.shape)
+    last = np.array([_hold_last(column, column == 0.0) for column in sides.T]).T.reshape(
+        sides.shape
+    )
     return last, undecided
 
 
 def _crossing(side: np.ndarray, fall: np.ndarray) -> np.ndarray:
     """Nodes (n,) at which the command of a gear may be between both sides of its play.
 
-    It crosses as slowly as can be: a drive that leaps across strikes the other flank. Until teeth
-    have left by `NEAR` of the play for want of their torque; never while the joint stands, where
-    `fall` is infinite.
+    The command crosses as slowly as possible, as a drive that leaps across strikes the other flank:
+    it may lie in between as long as the weak torque there moves unloaded teeth by no more than
+    `NEAR` of the play. It never crosses while the joint stands, where `fall` is infinite.
     """
     free, last = np.zeros(len(side), bool), len(side) - 1
     for k in np.flatnonzero(side[1:] * side[:-1] < 0):
@@ -484,7 +508,7 @@ def _crossing(side: np.ndarray, fall: np.ndarray) -> np.ndarray:
 def _open_stops(
     simulation: Simulation, times: np.ndarray, gears: Sequence[str], undecided: np.ndarray
 ) -> list[tuple[float, str]]:
-    """Stops at whose end a side is not decided: from when on [s], and of which gear."""
+    """Stops at whose end a side is undecided: begin of the stop [s], and gear."""
     motion = _motion(simulation)
     open_stops = []
     for stop in stops(motion, motion.duration):
@@ -500,14 +524,15 @@ class _Approach:
 
     gear: str
     k: int
-    """Of the gear."""
+    """Index of the gear."""
     stop: float
+    """Begin of the stop in the motion [s]."""
     arrival: float
-    """When it begins to creep [s]."""
+    """Time at which it begins to creep [s]."""
     window: float
-    """How long it creeps [s]."""
+    """Duration of the creep [s]."""
     torque: float
-    """Of its teeth, and of friction, at the end [N m or N]."""
+    """Torque of the teeth at the end, with the friction that presses them [N m or N]."""
 
     def apply(
         self,
@@ -517,7 +542,7 @@ class _Approach:
         side: np.ndarray,
         undecided: np.ndarray,
     ) -> None:
-        """Change shifts (n, j) and sides (n, g) from the way to the stop on."""
+        """Change shifts (n, j) and sides (n, g) in place, from the move to the stop on."""
         gear, motion = simulation.mechanism.gears[self.gear], _motion(simulation)
         aside = np.copysign(OVERSHOOT * gear.play, self.torque)
         command = shift[:, motion.joints.index(self.gear)]
@@ -545,10 +570,10 @@ def _approaches(
     torque: np.ndarray,
     inertia: np.ndarray,
 ) -> list[_Approach]:
-    """Stops that can be approached from one side, that to which loads press the joint at them.
+    """Approaches of stops with an undecided side, from the side to which loads press the joint.
 
-    So slowly that braking does not lift the teeth: a stop is left as it is where there is no
-    friction, the joint stands too short, or it would have to go aside at the stop before.
+    They are so slow that braking does not lift the teeth. A stop is left as it is if there is no
+    friction, if the joint stands too short, or if it would have to go aside at the stop before.
     """
     motion, friction = _motion(simulation), joint_friction(simulation)
     still = np.abs(motion(times)[1]) < STILL
@@ -576,20 +601,20 @@ def _node(times: np.ndarray, time: float) -> int:
     return int(np.searchsorted(times, time, side="right")) - 1
 
 
-def _way_to(speed: np.ndarray) -> np.ndarray:
-    """Sign of speeds (n,); of a joint that stands the last one, before it has moved the next."""
-    return _carried(np.sign(speed), np.abs(speed) < STILL)
+def _direction(speed: np.ndarray) -> np.ndarray:
+    """Sign of speeds (n,); while the joint stands, the last one (at the start, the next)."""
+    return _hold_last(np.sign(speed), np.abs(speed) < STILL)
 
 
-def _smooth(nodes: np.ndarray, values: np.ndarray, times: np.ndarray) -> np.ndarray:
-    """Values at nodes at further times, without overshoot."""
+def _interpolated(nodes: np.ndarray, values: np.ndarray, times: np.ndarray) -> np.ndarray:
+    """Values at nodes interpolated at other times without overshoot (PCHIP)."""
     from scipy.interpolate import PchipInterpolator  # takes long to import
 
     return np.asarray(PchipInterpolator(nodes, values)(times))
 
 
-def _carried(values: np.ndarray, unknown: np.ndarray) -> np.ndarray:
-    """Values with unknown ones replaced by the last that is known; at the start by the first."""
+def _hold_last(values: np.ndarray, unknown: np.ndarray) -> np.ndarray:
+    """Values with unknown ones replaced by the last known one; at the start by the first."""
     good = np.flatnonzero(~unknown)
     if not len(good):
         return np.zeros_like(values)
@@ -600,14 +625,15 @@ def _carried(values: np.ndarray, unknown: np.ndarray) -> np.ndarray:
 def _journals(
     simulation: Simulation, times: np.ndarray, progress: bool
 ) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-    """The tool's displacements (n, 6) by journals that rest under the ideal motion's load.
+    """Displacements of the tool by journals at rest under the ideal motion's load, and friction.
 
-    Each search begins where the last one ended, displaced as much. Friction turns the force of a
-    contact aside by atan(mu), and so the place of contact against the way that the journal turns.
+    Each search begins from the displacement of the last one. Friction turns the force of a contact
+    aside by atan(mu), and so moves the contact around the bearing, against the journal's rotation.
 
     Returns:
-        And the friction of journals about their axes by joint, (2, n) [N m]: as they turn, and what
-        may hold those that stand.
+        The tool's displacement and rotation, (n, 6) [m, rad]; by joint, the friction torque of its
+        journal about the axis, (2, n) [N m]: with the sign of its rotation, and the largest that
+        can hold it while it stands.
     """
     mechanism = simulation.mechanism.with_clearance(simulation.mechanism.clearance, {})
     motion = _motion(simulation)
@@ -656,7 +682,7 @@ def _journals(
 
 
 def _climbed(mechanism: Mechanism, q: np.ndarray, angles: Mapping[str, float]) -> np.ndarray:
-    """Where journals rest that climb aside in their bearings by angles [rad], as they turn."""
+    """The configuration with journals climbed aside in their bearings by angles [rad]."""
     q = q.copy()
     for name, angle in angles.items():
         cos, sin = np.cos(angle), np.sin(angle)
@@ -669,9 +695,9 @@ def _climbed(mechanism: Mechanism, q: np.ndarray, angles: Mapping[str, float]) -
 
 
 def _friction_of(joint: Clearance, speed: np.ndarray) -> tuple[np.ndarray, float]:
-    """Friction coefficient of a journal that turns at speeds (n,) [rad/s], signed, and the largest.
+    """Friction coefficients of a journal at speeds (n,) [rad/s], signed, and the largest one.
 
-    One that stands keeps its last sign where bristles hold it.
+    Where a law with bristles holds a standing journal, the sign is the last one.
     """
     assert joint.hinge is not None
     law, radius = joint.friction, joint.hinge.radius
@@ -679,14 +705,14 @@ def _friction_of(joint: Clearance, speed: np.ndarray) -> tuple[np.ndarray, float
     if law.state == ("speed",):
         mu = [law.function(abs(x) * radius, *law.parameters()) for x in speed.tolist()]
         return np.sign(speed) * mu, largest
-    return _way_to(speed) * law.coefficients.get("mu_d", 0.0), largest
+    return _direction(speed) * law.coefficients.get("mu_d", 0.0), largest
 
 
 def _pressing(joint: Clearance, wrench: np.ndarray) -> float:
-    """Friction torque of a journal about its axis by friction coefficient [N m].
+    """Friction torque of a journal about its axis per coefficient of friction [N m].
 
-    Of the forces at its two ends that make up a force and a moment across the axis, and of the
-    force along it.
+    The normal forces are those at its two ends, which balance the force and the moment across the
+    axis, and the one along the axis; the arm is the radius.
     """
     assert joint.hinge is not None
     force, moment = wrench[:2], np.array([wrench[4], -wrench[3]]) / joint.hinge.length
@@ -697,10 +723,10 @@ def _pressing(joint: Clearance, wrench: np.ndarray) -> float:
 def _within_limits(
     simulation: Simulation, times: np.ndarray, shift: np.ndarray
 ) -> tuple[np.ndarray, int, tuple[str, ...]]:
-    """Shifts, smoothed until motions with them are within limits that the motion itself keeps.
+    """Shifts smoothed until the corrected motion is within all limits that the motion itself keeps.
 
     Returns:
-        And how often they were smoothed, and joints that are held at limits of position.
+        The shifts, the number of smoothings, and the joints held at limits of position.
     """
     before = _beyond(simulation, _motion(simulation))
     for smoothed in range(_SMOOTHINGS + 1):
@@ -712,11 +738,11 @@ def _within_limits(
             shift[:1], 0.25 * shift[:-2] + 0.5 * shift[1:-1] + 0.25 * shift[2:], shift[-1:]
         ])  # fmt: skip
     new = next(text for key, text in beyond.items() if key not in before)
-    raise JointplayError(f"corrected, {new}, even smoothed; slow the motion down")
+    raise JointplayError(f"in the corrected motion {new}, even smoothed; slow it down")
 
 
 def _beyond(simulation: Simulation, motion: Motion) -> dict[tuple[str, str], str]:
-    """Limits of speed and effort that a motion exceeds: joint and what, in words."""
+    """Limits of speed and effort that a motion exceeds, in words, by joint and quantity."""
     mechanism, friction = simulation.mechanism, joint_friction(simulation)
     times = np.linspace(0.0, motion.duration, max(round(motion.duration / SAMPLE_S), 12) + 1)
     _, speed, acceleration = motion(times)
@@ -736,7 +762,7 @@ def _beyond(simulation: Simulation, motion: Motion) -> dict[tuple[str, str], str
 
 
 def table_for_controllers(compensation: Compensation, parts: int = 9) -> Table:
-    """Shift of each gear by direction of motion and load, to the largest load of the motion."""
+    """Shift of each gear by direction of motion and load, up to the largest load of the motion."""
     mechanism, rows = compensation.simulation.mechanism, []
     friction = joint_friction(compensation.simulation)
     for k, name in enumerate(compensation.gears):
@@ -753,7 +779,7 @@ def table_for_controllers(compensation: Compensation, parts: int = 9) -> Table:
 
 
 def with_shift(compensation: Compensation, more: np.ndarray) -> Compensation:
-    """The same with further shifts (n, j), learned from a run, within limits."""
+    """The compensation with further shifts (n, j), learned from a run, within limits."""
     shift, smoothed, clipped = _within_limits(
         compensation.simulation, compensation.times, compensation.shift + more
     )

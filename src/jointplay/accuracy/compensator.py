@@ -1,4 +1,4 @@
-"""Commands shifted by the play of gears step by step, in a controller; needs nothing but numpy."""
+"""Compensation of gears' play inside a controller, step by step; it needs nothing but numpy."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ if TYPE_CHECKING:
     from jointplay.simulation.loads.drive import JointFriction
 
 STILL = 5.0 * JOINT_FRICTION_SPEED
-"""Speed below which a joint stands, and its friction may have either sign [rad/s or m/s]."""
+"""Speed below which a joint counts as standing, with friction of either sign [rad/s or m/s]."""
 
 
 @known_keywords
 class Compensator:
     """Shifts a command by the play and wind-up of gears, step by step, in a controller.
 
-    Keeps for each gear the side on which its teeth were pressed last.
+    For each gear it remembers the side on which the teeth were pressed last.
 
     Args:
-        play: whole play of each joint, (j,) [rad or m]; 0 where there is none.
-        stiffness: of its gear, (j,) [N m/rad or N/m]; inf where it is rigid.
-        friction: Coulomb friction of the joint, (j,) [N m or N].
-        still: speed below which a joint stands [rad/s or m/s].
+        play: whole play of each joint's gear, (j,) [rad or m]; 0 where there is none.
+        stiffness: stiffness of each gear, (j,) [N m/rad or N/m]; inf where it is rigid.
+        friction: Coulomb friction of each joint, (j,) [N m or N].
+        still: speed below which a joint counts as standing [rad/s or m/s].
     """
 
     def __init__(
@@ -50,7 +50,7 @@ class Compensator:
         gears: Mapping[str, Gearing],
         friction: Mapping[str, JointFriction],
     ) -> Compensator:
-        """That of joints in this order, those without a gear unchanged."""
+        """The compensator of joints in this order; joints without a gear stay unchanged."""
         geared = [gears.get(name) for name in joints]
         return cls(
             [0.0 if gear is None else gear.play for gear in geared],
@@ -62,6 +62,7 @@ class Compensator:
         """The command for positions q, speeds qd, and loads without friction, (j,) each."""
         moves = (qd > self._still) * 1.0 - (qd < -self._still)
         torque = load + moves * self._friction
+        # The friction of a standing joint can hold a smaller torque: the last shift stays.
         decided = np.abs(torque) > (moves == 0.0) * self._friction
         wound = np.sign(torque) * self._half + torque * self._give
         self._shift = np.where(decided, wound, self._shift)

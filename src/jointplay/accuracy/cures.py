@@ -1,9 +1,9 @@
-"""Which cure of play is worth it: what each would leave, at most three, the best first.
+"""Cures of play that are worth it: the error that each would leave, at most three, the best first.
 
-Each is computed by what would carry it out: tighter joints by the sum of their sets, springs by
-statics, gains by the drives' sag. A corrected motion is computed at rest, by what `compensate`
-leaves there: run on SO-101 and AR4 with play 30 % off, its motions stop up to 2.21 and 0.60 mm off
-where 2.20 and 0.88 are told, without the friction in it 0.91 and 0.59.
+Tighter joints are computed by the sum of the sets, springs by statics, gains by the drives' sag. A
+corrected motion is computed at rest, by the error that `compensate` leaves there: run on SO-101 and
+AR4 with play 30 % off, its motions stop up to 2.21 and 0.60 mm off, where 2.20 and 0.88 are
+predicted, or without friction 0.91 and 0.59.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ if TYPE_CHECKING:
     from jointplay.accuracy.error_budget import PlayBudget
 
 KNOWN = 0.3
-"""Part by which play is taken to be off where a motion is corrected for it."""
+"""Relative uncertainty of the play for which a motion is corrected."""
 _MOST = 3
-"""So many are told."""
+"""Most cures that are reported."""
 _WORTH = 0.05
-"""Part of the error that a cure must take to be told."""
+"""Part of the error that a cure must remove to be reported."""
 
 
 class Cure(NamedTuple):
@@ -34,7 +34,7 @@ class Cure(NamedTuple):
     before: float
     after: float
     of: str
-    """Which error: at rest, or the worst case of play."""
+    """The error that it is: at rest, or the worst case of play."""
     unit: str = "m"
 
     def __str__(self) -> str:
@@ -43,7 +43,7 @@ class Cure(NamedTuple):
 
 
 def cures(budget: PlayBudget) -> list[Cure]:
-    """What would make a machine more accurate at the worst pose, the best first."""
+    """Cures of a machine's error at the worst pose, the best first."""
     at = budget.worst_pose
     candidates = [*_tighter(budget, at), *_sprung(budget, at), *_at_rest(budget, at)]
     worth = [cure for cure in candidates if cure.after < (1.0 - _WORTH) * cure.before]
@@ -51,7 +51,7 @@ def cures(budget: PlayBudget) -> list[Cure]:
 
 
 def _tighter(budget: PlayBudget, at: int) -> Iterator[Cure]:
-    """Half the play of the joint that adds most."""
+    """Halving the play of the joint that adds most."""
     worst = float(budget.worst[at])
     if worst > 0.0:
         most = int(budget.shares.argmax())
@@ -61,7 +61,7 @@ def _tighter(budget: PlayBudget, at: int) -> Iterator[Cure]:
 
 
 def _worst(budget: PlayBudget, at: int, source: int, part: float) -> float:
-    """The worst case of play with one source of it smaller by a factor [m]."""
+    """The worst case of play with one source of it multiplied by `part` [m]."""
     factors = np.ones(len(budget.joints))
     factors[source] = part
     model = budget.model.subset(poses=[at])
@@ -69,9 +69,9 @@ def _worst(budget: PlayBudget, at: int, source: int, part: float) -> float:
 
 
 def _sprung(budget: PlayBudget, at: int) -> Iterator[Cure]:
-    """Springs that keep the teeth of a gear on one side at all poses that are looked at.
+    """Springs that keep the teeth of a gear on one side at all poses of the budget.
 
-    The gear's play then is one offset, which a datum takes out.
+    The gear's play then is a constant offset, which homing takes out.
     """
     rest, entries = budget.rest_positions, budget.mechanism.description.joints
     for k, contribution in enumerate(budget.model.contributions):
@@ -93,10 +93,10 @@ def _sprung(budget: PlayBudget, at: int) -> Iterator[Cure]:
 
 
 def _at_rest(budget: PlayBudget, at: int) -> Iterator[Cure]:
-    """A corrected motion, with stops approached from one side and without; stiffer servos."""
+    """A corrected motion, with and without approaching stops from one side; stiffer servos."""
     rest, largest = budget.rest_positions, float(budget.rest_positions.interval(at)[3, 1])
     left = budget.compensated(at, KNOWN)
-    if not np.isfinite(left) or budget.unit == "rad":  # what compensation leaves is a distance
+    if not np.isfinite(left) or budget.unit == "rad":  # compensation leaves a distance
         return
     text = f"compensated (jointplay compensate), its play known to {100 * KNOWN:g} %"
     sided = budget.compensated(at, KNOWN, friction=-1.0)

@@ -1,7 +1,7 @@
-"""How far off the tool can be, at many poses, and which joint and which cause are to blame.
+"""Error budgets: how far off the tool can be at many poses, and by which joint and which cause.
 
-No dynamics: a sum of sets and of variances (`error_model`). Of play alone, with where the machine
-rests; or of all causes.
+A budget is static: sets and variances are summed (`error_model`). `PlayBudget` is of play alone,
+and has where the machine rests; `ErrorBudget` is of several causes.
 """
 
 from __future__ import annotations
@@ -54,22 +54,23 @@ from jointplay.simulation.loads.drive import (
 _LISTED = 2e-3
 """Part of the worst case below which a contribution has no line of its own."""
 _ON_ARCS = 0.02
-"""Part of the worst case by which the exact kinematics may put it elsewhere unsaid: less than two
-of its three digits (judged)."""
+"""Part of the worst case by which the exact kinematics may differ without a note: it leaves two of
+its three digits (judged)."""
 _MENTIONED = 0.01
-"""Part of the error at rest that a cause has to be named for it."""
+"""Part of the error at rest from which on a cause is named."""
 _DECIDES = 0.5
-"""Part of the error at rest by which friction decides it, if it can shift the tool so far."""
+"""Part of the error at rest from which on friction is said to determine it, if friction can shift
+the tool so far."""
 _LOOPS_AGREE = 0.25
-"""Part of the error by which loops closed exactly may put the tool elsewhere than linear ones: more
-comes near singular positions only, where the first order says nothing (judged)."""
+"""Largest distance, relative to the error, between the tool of loops closed exactly and that of the
+first order: it is larger near singular positions only, where the first order is void (judged)."""
 AXES = ("x", "y", "z", "about x", "about y", "about z")
 """Components of the tool's error, in world axes [m, rad]."""
 
 
 @dataclass(frozen=True, repr=False)
 class Budget(Answer):
-    """Error of the tool at n poses by k contributions; lengths in m, angles in rad.
+    """The error of the tool at n poses by k contributions; lengths in m, angles in rad.
 
     `worst` is a bound that can be reached: no state of the contributions is worse, up to the second
     order.
@@ -80,14 +81,15 @@ class Budget(Answer):
     """Configurations, (n, nq)."""
     model: ErrorModel
     force: np.ndarray
-    """On the tool, world axes, (3,) [N]."""
+    """Force on the tool, world axes, (3,) [N]."""
     driven: Sequence[str] | None
     """Joints of loops that stand; None: the first that determine the others."""
     relative_to: str | None
     """Body from which the tool is seen; None: the world."""
     positions: np.ndarray
-    """Of the ideal tool, shape (n, 3)."""
+    """Positions of the ideal tool, shape (n, 3)."""
     farthest: Farthest
+    """The worst case at each pose."""
 
     @property
     def tool(self) -> str:
@@ -100,12 +102,12 @@ class Budget(Answer):
 
     @property
     def direction(self) -> np.ndarray:
-        """Where to, unit vectors in world axes, shape (n, 3)."""
+        """Direction of the worst error, unit vectors in world axes, shape (n, 3)."""
         return self.farthest.direction
 
     @property
     def worst_parts(self) -> np.ndarray:
-        """What each contribution adds to `worst`, shape (n, k)."""
+        """Share of each contribution in `worst`, shape (n, k)."""
         return self.farthest.parts.T
 
     @property
@@ -120,7 +122,7 @@ class Budget(Answer):
 
     @property
     def components(self) -> slice:
-        """Those of an error (6,) that count: of its displacement."""
+        """The components of an error (6,) that the budget is of: its displacement."""
         return slice(0, 3)
 
     @cached_property
@@ -137,35 +139,35 @@ class Budget(Answer):
 
 @dataclass(frozen=True, repr=False)
 class PlayBudget(Budget):
-    """Error of the tool by play alone, by j joints and gears.
+    """The error of the tool by play alone, of j joints and gears.
 
     No state of the journals without penetration is worse than `worst`, which has the loosest parts
-    that fits allow. `rms` is of states without friction. Where the machine rests, in the middle of
-    its fits, is found when it is asked for (`rest`, `rest_interval`); contacts deflect there, so
-    that it may be a little beyond `worst`.
+    that fits allow. `rms` is that of states without friction. The machine's position of rest, with
+    fits in the middle of their tolerances, is computed when it is asked for (`rest`,
+    `rest_interval`); contacts deflect there, so that it may lie a little beyond `worst`.
     """
 
     rest_positions: RestPositions
     second_order: np.ndarray
-    """What rotations of the second order can add to `worst` at most, shape (n,) [m].
+    """The most that rotations can add to `worst` in the second order, shape (n,) [m].
 
-    In closed loops no bound, but by how much the loops, closed exactly with the journals of
-    `worst`, put the tool elsewhere.
+    With closed loops it is no bound, but the distance between the tool of the first order and that
+    of loops closed exactly with the journals of `worst`.
     """
     rms: np.ndarray
-    """RMS distance, if a load on the tool that exceeds all others has a random direction, (n,).
+    """RMS distance under a load on the tool of random direction that exceeds all others, (n,).
 
-    Of joints with a fit, whose parts are at random, too.
+    The sizes of fits are random, too.
     """
     rms_parts: np.ndarray
-    """What each joint adds to `rms`: its mean part along the error, shape (n, j)."""
+    """Share of each joint in `rms`: its mean part along the error, shape (n, j)."""
     unit: str = "m"
     """``rad`` of an output that turns about its origin, such as a rocker on its pivot: then worst
-    cases, RMS and what joints add to them are angles."""
+    cases, RMS and the joints' shares in them are angles."""
 
     @property
     def components(self) -> slice:
-        """Those of an error (6,) that count."""
+        """The components of an error (6,) that the budget is of: displacement or rotation."""
         return slice(0, 3) if self.unit == "m" else slice(3, 6)
 
     @property
@@ -183,6 +185,7 @@ class PlayBudget(Budget):
 
     @property
     def _shares(self) -> np.ndarray:
+        """Each joint's share of the worst case at each pose, shape (n, j)."""
         total = self.worst_parts.sum(axis=1, keepdims=True)
         return np.asarray(self.worst_parts / np.maximum(total, 1e-300))
 
@@ -190,7 +193,7 @@ class PlayBudget(Budget):
     def alone(self) -> np.ndarray:
         """Largest distance of the tool if only this joint had play, shape (n, j) [m].
 
-        In its own worst direction; `worst_parts` is along the one that is worst for all together.
+        It is along the joint's own worst direction, `worst_parts` along that of all together.
         """
         return self.model.alone.T
 
@@ -201,34 +204,43 @@ class PlayBudget(Budget):
         where = f" at the worst of {poses} poses" if poses > 1 else ""
         turn = readable(self.worst_turn.max(), "rad", 3)
         turns = f", and turn by up to {turn}" if self.worst_turn.any() else ""
-        resting = f"at rest it is {self._resting(at)}{self._regulated}"
+        resting = f"at rest it is {self._resting(at)}"
+        if regulated := sorted(self.rest_positions.regulated):
+            resting += f"; encoders behind their gears hold {few(regulated)} there"
         if not self.worst[at] and not self.worst_turn.any():
             return f"No play moves the tool {self.tool!r}; {resting}"
+        most = int(self.shares.argmax())
+        part = "all" if self.shares[most] > 1.0 - _LISTED else f"{100 * self.shares[most]:.0f} %"
+        source = f"{part} of it by {self.joints[most]}"
         if self.unit == "rad":
             rest = self.rest_positions.at(at)
             turned, sag = np.linalg.norm([rest.error[3:], rest.sag[3:]], axis=1).tolist()
             part = f" ({self._whose_sag} {readable(sag, 'rad', 3)})" if sag else ""
             return (
                 f"Play turns the tool {self.tool!r} by up to {turn}{where} (RMS "
-                f"{readable(self.rms[at], 'rad', 3)}), {self._most(at)}; at rest it is turned "
+                f"{readable(self.rms[at], 'rad', 3)}), {source}; at rest it is turned "
                 f"by {readable(turned, 'rad', 3)}{part}"
+            )
+        caveats = ""
+        if any(c.fit is not None for c in self.model.contributions):
+            caveats = (
+                "; the limits are of the loosest parts that fits allow, the RMS of any, the place "
+                "of rest of the middle ones"
+            )
+        more = float(self.second_order[at])
+        if not more <= _ON_ARCS * self.worst[at]:
+            caveats += (
+                "; turns so large move the tool on arcs, by which all this may be "
+                f"{readable(more, 'm', 2)} off"
             )
         return (
             f"Play lets the tool {self.tool!r} be up to {readable(self.worst[at], 'm', 3)} off"
-            f"{where} (RMS {readable(self.rms[at], 'm', 3)}), {self._most(at)}{turns}; {resting}"
-            f"{self._of_fits}{self._far}"
+            f"{where} (RMS {readable(self.rms[at], 'm', 3)}), {source}{turns}; {resting}{caveats}"
         )
-
-    def _most(self, at: int) -> str:
-        """Which source of play adds most at a pose."""
-        share = self._shares[at]
-        most = int(share.argmax())
-        part = "all" if share[most] > 1.0 - _LISTED else f"{100 * share[most]:.0f} %"
-        return f"{part} of it by {self.joints[most]}"
 
     @property
     def from_side_to_side(self) -> str:
-        """What a dial would show of play that is mostly that of gears; else empty."""
+        """Reading of a dial gauge, where play is mostly that of a gear, in words; else empty."""
         worst = float(self.worst[self.worst_pose])
         most = self.model.contributions[int(self.shares.argmax())]
         if worst <= NOWHERE * self.worst_turn.max() or not most.gear:
@@ -238,7 +250,7 @@ class PlayBudget(Budget):
         )
 
     def _resting(self, at: int) -> str:
-        """How far off the tool is at rest, and by what."""
+        """The error at rest within the limits of friction, and its causes, in words."""
         rest, ends = self.rest_positions.at(at), self.rest_positions.interval(at)[3]
         limits = " to ".join(dict.fromkeys(f"{1e3 * end:.3g}" for end in ends))
         error = rest.error[:3]
@@ -254,7 +266,7 @@ class PlayBudget(Budget):
         beyond = size - sum(along.values())
         if beyond > 0.0:
             along["contacts and gears giving way"] = beyond
-        else:  # on arcs the play lets the tool less far than along straight lines
+        else:  # on arcs play moves the tool less far than the first order says
             along["play"] += beyond
         parts = [
             f"{name} {1e3 * part:.3g}"
@@ -269,47 +281,24 @@ class PlayBudget(Budget):
         return "servos' sag" if servos else "drives' sag"
 
     def _free(self, pose: int) -> np.ndarray:
-        """The tool's displacement at rest by play alone, without what gives way, (3,) [m]."""
+        """The tool's displacement at rest by play alone, without any deflection, (3,) [m]."""
         model = self.rest_positions.unregulated(self.rest_positions.model)
         free = model.subset(poses=[pose]).at_rest().error[:, 0, 0, :3]
         return np.asarray(free.sum(axis=0))
 
-    @property
-    def _far(self) -> str:
-        """Where turns are so large that the first order of them misleads, to add to a sentence."""
-        at = self.worst_pose
-        more = float(self.second_order[at])
-        if more <= _ON_ARCS * self.worst[at]:
-            return ""
-        return (
-            f"; turns so large move the tool on arcs, by which all this may be "
-            f"{readable(more, 'm', 2)} off"
-        )
-
-    @property
-    def _of_fits(self) -> str:
-        """With which parts, where fits leave that open, to add to a sentence."""
-        if all(c.fit is None for c in self.model.contributions):
-            return ""
-        return (
-            "; the limits are of the loosest parts that fits allow, the RMS of any, the place of "
-            "rest of the middle ones"
-        )
-
-    @property
-    def _regulated(self) -> str:
-        """Which gears' play the drives make up for at rest, to add to a sentence."""
-        names = sorted(self.rest_positions.regulated)
-        return f"; encoders behind their gears hold {few(names)} there" if names else ""
-
     def compensated(self, pose: int, trust: float, friction: float = 0.0) -> float:
         """Largest error at rest of a motion that takes the play out (`compensate`) [m].
 
-        What friction, larger by a part `friction` than it is known, may shift the tool from its
-        place of rest, the part `trust` of the play on the way there that is not known, what the
-        joints cannot take back of what journals do, as where an arm is stretched. Deflection and
-        the sag of drives, which may be larger than the play, are taken for known. NaN where no
-        place of rest is found, and of loops.
+        It is the sum of the distance from rest in which friction can hold the tool, of the unknown
+        part of the play's displacement at rest, and of the displacement by journals that the joints
+        cannot take back, as where an arm is stretched. Deflection and the sag of drives, which may
+        be larger than the play, are taken as known. NaN where no position of rest is found, and
+        with loops.
+
+        Args:
+            pose: index of the pose.
+            trust: relative uncertainty of the play.
+            friction: part by which friction may exceed the known one; -1: without any.
         """
         if self.mechanism.loops:
             return float("nan")
@@ -330,11 +319,12 @@ class PlayBudget(Budget):
 
     @cached_property
     def cures(self) -> list[Cure]:
-        """What would make it more accurate at the worst pose, at most three, the best first."""
+        """Changes that would make the machine more accurate, at most three, the best first."""
         return cures(self)
 
     @property
     def ranking(self) -> str:
+        """Mean share of each joint in the worst case, and its range over poses, in words."""
         shares = 100.0 * self._shares
         mean, low, high = shares.mean(axis=0), shares.min(axis=0), shares.max(axis=0)
         texts = []
@@ -344,7 +334,7 @@ class PlayBudget(Budget):
         return f"shares of the worst case: {', '.join(texts)}"
 
     def worst_of(self, names: Sequence[str]) -> str:
-        """The range of the worst case over several poses, and which is made up as in `table`."""
+        """The range of the worst case over several poses, and the pose of which `table` is."""
         k = self.worst_pose
         place = ", ".join(f"{x:.3f}" for x in self.positions[k])
         return (
@@ -367,14 +357,14 @@ class PlayBudget(Budget):
     def rest(self) -> np.ndarray:
         """Error at rest under gravity and the tool's load, without friction, by joint, (n, j, 6).
 
-        By each joint's Jacobian [m, rad]; NaN where no place of rest is found, or plays of a loop
-        hold each other.
+        By each joint's Jacobian [m, rad]; NaN where no position of rest is found, or loops tie
+        plays to each other.
         """
         return np.array([self.rest_positions.at(i).parts for i in range(len(self.worst))])
 
     @property
     def rest_tool(self) -> np.ndarray:
-        """Error of the tool there, of all joints, exactly, shape (n, 6) [m, rad]."""
+        """Error of the tool at rest by all joints, exact kinematics, shape (n, 6) [m, rad]."""
         return np.array([self.rest_positions.at(i).error for i in range(len(self.worst))])
 
     @property
@@ -384,22 +374,22 @@ class PlayBudget(Budget):
 
     @property
     def rest_interval(self) -> np.ndarray:
-        """Where friction can hold the machine: least and largest error, shape (n, 4, 2) [m].
+        """Interval of errors in which friction can hold the tool: least and largest, (n, 4, 2) [m].
 
         Along world x, y, z, and the distance from the ideal tool; on the safe side. In closed loops
-        all joints, and those of a kind that does not say where it presses, may be anywhere within
-        their play.
+        all joints, and otherwise those of a kind without contacts, may be anywhere in their play.
         """
         return np.array([self.rest_positions.interval(i) for i in range(len(self.worst))])
 
     def table(self, pose: int | None = None) -> Table:
+        """A row for each joint at a pose, by default the worst one."""
         at = self.worst_pose if pose is None else pose
         rests, error, *_ = self.rest_positions.at(at)
         worst = float(self.worst[at])
         sums = (worst, worst, 1.0 if worst > 0.0 else None, np.linalg.norm(error[self.components]))
         resting = Column("at rest", np.linalg.norm(rests[:, :3], axis=1), "m")
         turn = [Column("worst turn", self.turns.parts[:, at], "rad")] * (self.unit == "m")
-        if self.unit == "rad":  # what each joint adds to an angle at rest is not kept
+        if self.unit == "rad":  # joints' shares in an angle at rest are not computed
             resting = Column("at rest", [None] * len(rests), "rad")
         return Table(
             (
@@ -442,6 +432,7 @@ class PlayBudget(Budget):
         return [*lines, *self._held(at)]
 
     def _held(self, at: int) -> list[str]:
+        """Notes on where friction can hold the machine at a pose."""
         place, ends = self.rest_positions.at(at).error[:3], self.rest_positions.interval(at)
         box = [
             f"{axis} {1e3 * low:.4f} to {1e3 * high:.4f}"
@@ -494,10 +485,10 @@ class PlayBudget(Budget):
         )
 
     def data(self, names: Sequence[str] = ()) -> Table:
-        """A row for each pose, of these names or numbered: tool, errors, parts of each joint.
+        """A row for each pose, by these names or numbered: tool, errors, shares of each joint.
 
-        Where the machine rests stands only at poses for which it has been found: ask for `rest`
-        and `rest_interval` before, and it stands everywhere.
+        Positions of rest are given only at poses for which they have been computed already: ask
+        for `rest` and `rest_interval` before to have them all.
         """
         columns = [Column("pose", names or range(len(self.worst)))]
         columns += [Column(f"tool {x}", self.positions[:, k], "m") for k, x in enumerate("xyz")]
@@ -528,19 +519,21 @@ class PlayBudget(Budget):
 
 @dataclass(frozen=True, repr=False)
 class ErrorBudget(Budget):
-    """Error of the tool by several causes, each with its variance."""
+    """The error of the tool by several causes, each with its variance."""
 
     given: tuple[str, ...]
+    """Numbers that were given, lines of text."""
     assumed: tuple[str, ...]
+    """Numbers that were assumed, lines of text."""
 
     @property
     def mean(self) -> np.ndarray:
-        """The tool's displacement that loads and heat bring in any case, (n, 3) [m]."""
+        """Mean displacement of the tool, by loads and heat, (n, 3) [m]."""
         return np.asarray(self.model.means.sum(axis=0))
 
     @property
     def covariance(self) -> np.ndarray:
-        """Of the rest, (n, 3, 3) [m^2]."""
+        """Covariance of the tool's displacement about its mean, (n, 3, 3) [m^2]."""
         return np.asarray(self.model.covariances.sum(axis=0))
 
     @property
@@ -550,10 +543,11 @@ class ErrorBudget(Budget):
 
     @cached_property
     def _at_worst(self) -> ErrorModel:
+        """The model at the worst pose."""
         return self.model.subset(poses=[self.worst_pose])
 
     def halved(self, *indices: int) -> tuple[float, float]:
-        """By how much `worst` and `rms` fall at the worst pose by half of contributions [m]."""
+        """Decrease of `worst` and `rms` at the worst pose if contributions were halved [m]."""
         at, scale = self.worst_pose, self.model.scale.copy()
         scale[list(indices)] *= 0.5
         reduced = self._at_worst.scaled(scale)
@@ -561,6 +555,7 @@ class ErrorBudget(Budget):
         return float(self.worst[at] - left), float(self.rms[at] - reduced.rms[0])
 
     def data(self) -> Table:
+        """A row for each contribution, at the worst pose."""
         rows, at_worst = self.model.contributions, self._at_worst
         return Table(
             (
@@ -574,7 +569,9 @@ class ErrorBudget(Budget):
         )
 
     def by(self, key: str) -> dict[str, tuple[float, float]]:
-        """Parts of worst case and variance at the worst pose by ``"joint"`` or ``"cause"``."""
+        """Part in the worst case [m] and share of the variance at the worst pose, summed by
+        ``"joint"`` or ``"cause"``.
+        """
         sums = dict[str, tuple[float, float]]()
         parts, variances = self.worst_parts[self.worst_pose], self.variances
         total = float(variances.sum()) or 1.0
@@ -586,29 +583,29 @@ class ErrorBudget(Budget):
 
     @property
     def variances(self) -> np.ndarray:
-        """Of the tool's distance at the worst pose, by contribution, (k,) [m^2]."""
+        """Variance of the tool's position at the worst pose by contribution, (k,) [m^2]."""
         return np.asarray(np.trace(self._at_worst.covariances[:, 0], axis1=1, axis2=2))
 
     def sample(self, count: int, seed: int = 0) -> np.ndarray:
-        """Errors at the worst pose by the exact kinematics, at random, (count, 3) [m]."""
+        """Random errors at the worst pose by the exact kinematics, (count, 3) [m]."""
         return self._displaced(self._at_worst.draw(np.random.default_rng(seed), count))
 
     @cached_property
     def reached(self) -> float:
-        """Distance by the exact kinematics where all displacements are those of `worst` [m]."""
+        """Distance of the tool by the exact kinematics in the state of `worst` [m]."""
         direction = self.direction[self.worst_pose]
         points = self._at_worst.along(direction[None, None]).point[:, 0, 0]
         return float(np.linalg.norm(self._displaced(points[None])[0]))
 
     def _displaced(self, points: np.ndarray) -> np.ndarray:
-        """Errors of the tool at the worst pose by displacements (m, k, 6) of contributions."""
+        """Errors (m, 3) of the tool at the worst pose, contributions displaced by (m, k, 6)."""
         mechanism, q = self.mechanism, self.q[self.worst_pose]
         closing = ClosedLoops(mechanism, self.q[0], self.driven) if mechanism.loops else None
-        seen = self.relative_to
-        places = displaced(mechanism, q, self.model.names, points, closing, seen)
-        return places - self.positions[self.worst_pose]
+        tools = displaced(mechanism, q, self.model.names, points, closing, self.relative_to)
+        return tools - self.positions[self.worst_pose]
 
     def table(self) -> Table:
+        """A row for each joint and cause at the worst pose, the largest first."""
         at, worst = self.worst_pose, self.worst[self.worst_pose]
         same: dict[tuple[str, str], list[int]] = {}
         for i, contribution in enumerate(self.model.contributions):
@@ -638,21 +635,17 @@ class ErrorBudget(Budget):
             for cause, (worst, _) in causes
             if worst > 0.5 * _MENTIONED * self.worst[at]
         ]
-        return (
-            f"The tool {self.tool!r} is up to {readable(self.worst[at], 'm', 3)} off{where} (RMS "
-            f"{readable(self.rms[at], 'm', 3)}), by {', '.join(parts)}{self._assumptions}"
-        )
-
-    @property
-    def _assumptions(self) -> str:
-        """What kinds of numbers nobody gave, to add to a sentence."""
         origins = (origin for c in self.model.contributions for _, origin in c.numbers)
         kinds = dict.fromkeys(
             RULED if origin.startswith("by rule") else f"what {origin} has"
             for origin in origins
             if origin != GIVEN
         )
-        return f"; assumed: {', '.join(kinds)}" if kinds else ""
+        assumptions = f"; assumed: {', '.join(kinds)}" if kinds else ""
+        return (
+            f"The tool {self.tool!r} is up to {readable(self.worst[at], 'm', 3)} off{where} (RMS "
+            f"{readable(self.rms[at], 'm', 3)}), by {', '.join(parts)}{assumptions}"
+        )
 
     def _notes(self) -> list[str]:
         at = self.worst_pose
@@ -729,40 +722,40 @@ def budget(
     loads: Mapping[str, Load] | None = None,
     relative_to: str | None = None,
 ) -> Budget:
-    """How far off the tool can be, without dynamics: by play alone, or by several causes.
+    """The static error of the tool: by play alone, or by several causes.
 
-    In closed loops the driven joints stand and the others follow, to the first order; joints
-    outside the loops stand. Where joints of a loop hold each other, as axes of a plane linkage do,
-    errors count that leave it closed.
+    In closed loops the driven joints stand and the others follow, to first order; joints outside
+    the loops stand. Where the joints of a loop constrain each other, as axes of a plane linkage do,
+    only errors that leave it closed count.
 
     Args:
-        mechanism: with play; of several causes with or without.
+        mechanism: a machine with play; for several causes with or without.
         poses: joint positions by name [rad or m], the rest zero or in the middle of their limits;
             or configurations, (n, nq). Loops that are open there are closed by the joints that are
-            not driven. None: the pose at which the command `jointplay budget` looks if it is given
-            none (`poses_of`), its base held.
-        causes: those that count, such as `CAUSES`, by name or as a `Cause` of one's own. None: play
-            alone, by joints and gears, with where the machine rests.
-        force: on the tool, besides gravity, in world axes, shape (3,) [N].
-        errors: of several causes: what is known of the robot and of its joints.
-        kind: of several causes: class of robots from which all else is taken, of `ERROR_CLASSES`;
-            None: that of `errors`, or ``industrial``.
-        remaining: of several causes: parts of single ones that remain, by joint and cause:
-            clearances, plays of gears, deflections, amplitudes and tolerances are so many times as
-            large; of a joint with a rolling bearing and a gear, the gear's play.
-        second_order: of play alone, like friction and drive: widen the sets so that they contain
-            all poses without penetration; without, all errors are proportional to the clearances.
+            not driven. None: the pose that the command `jointplay budget` takes by default
+            (`poses_of`), with the base held.
+        causes: the causes that count, such as `CAUSES`, by name or as a `Cause` of your own. None:
+            play alone, of joints and gears, with where the machine rests.
+        force: force on the tool besides gravity, in world axes, shape (3,) [N].
+        errors: for several causes: known errors of the robot and of its joints.
+        kind: for several causes: class of robots from which all other numbers are taken, of
+            `ERROR_CLASSES`; None: that of `errors`, without which missing numbers are refused.
+        remaining: for several causes: parts of them that remain, by joint and cause: factors on
+            clearances, plays of gears, deflections, amplitudes and tolerances; of a joint with a
+            rolling bearing and a gear, on the gear's play.
+        second_order: for play alone, like friction and drive: widen the sets so that they contain
+            all poses without penetration; otherwise all errors are proportional to the clearances.
         driven: joints of loops that stand; None: the first that determine the others.
         friction: coefficient of all contacts, with which a machine may rest elsewhere than without;
-            None: the largest that the law of each joint has.
-        drive: of all joints that stand, or of joints by name; None: computed torque, by which
-            others hold, too. Servos sag under all they bear, computed torque under payloads, loads
-            and the force on the tool, of which it does not know in a run either.
-        joint_friction: of joints besides their bearings', which may hold the teeth of their gears
-            on either side; None: the URDF's.
-        payloads: what the machine carries, at all poses, whenever it is picked up.
-        loads: springs, wrenches and the like, as of `Simulation`, as they are where a run begins;
-            controllers left out.
+            None: the largest in the law of each joint.
+        drive: drive of all joints that stand, or drives by joint; joints without one, or None, have
+            computed torque. Servos sag under their whole load, computed torque under payloads,
+            loads and the force on the tool, of which it does not know in a run either.
+        joint_friction: friction of joints besides their bearings', which may hold the teeth of
+            their gears on either side; None: the URDF's.
+        payloads: payloads, carried at all poses, whenever they are picked up.
+        loads: springs, wrenches and other loads, as for `Simulation`, as they are where a run
+            begins; controllers are left out.
         relative_to: link or frame whose own motion does not count, such as a palm or a trunk:
             errors, directions and positions are those seen from it, in its axes. The base stays
             held, for loads. None: the world.
@@ -785,7 +778,7 @@ def budget(
     losses = urdf_friction(mechanism) | dict(joint_friction or {})
     if causes is not None:
         if friction is not None:
-            raise JointplayError("friction is for play alone: leave it or causes out")
+            raise JointplayError("friction is for play alone: leave out friction or causes")
         if relative_to is not None:
             check_body(mechanism, relative_to)
         q = configurations(mechanism, poses, driven)
@@ -801,7 +794,7 @@ def budget(
         )  # fmt: skip
     if friction is not None and require_finite("friction coefficient", friction, "") < 0.0:
         raise JointplayError(f"the friction coefficient must be >= 0, got {friction:g}")
-    if any(gear.error_terms for gear in mechanism.gears.values()):  # which is no play
+    if any(gear.error_terms for gear in mechanism.gears.values()):  # transmission error is no play
         exact = {name: gear.without_error() for name, gear in mechanism.gears.items()}
         mechanism = mechanism.with_clearance(mechanism.given_joints, exact)
     mechanism = carrying(mechanism, payloads)
@@ -810,6 +803,7 @@ def budget(
         mechanism, q, loads=acting, second_order=second_order, driven=driven, loops=True,
         relative_to=relative_to,
     )  # fmt: skip
+    # The worst case: of the tool's displacement, or of its rotation if it only turns in place.
     unit, half, of_places = "m", half_sphere(), model
     turned = model.turned.size.max()
     states, worst = _worst(model, half)
@@ -817,8 +811,8 @@ def budget(
     if turned > 0.0 and (nowhere or (relative_to is None and turns_in_place(mechanism, q[0]))):
         unit, model = "rad", model.turning
         states, worst = _worst(model, half)
-    # The states that a load of random direction brings about are those just found, and in the
-    # middle of what fits allow; parts at random add their variance, which is of the first order.
+    # The RMS over loads of random direction: over the states just found, with fits in the middle of
+    # their tolerances; the random sizes of fits add their variance, which is of first order.
     middle, varies = model.middle, np.array([c.looseness for c in model.contributions])
     typical = middle.along(np.broadcast_to(half, (len(q), *half.shape))) if varies.any() else states
     errors_of = typical.error[..., :3]
@@ -828,6 +822,7 @@ def budget(
     share += (looser**2).sum(axis=3).mean(axis=2).T
     rms = np.sqrt(share.sum(axis=1))
     rms_parts = np.divide(share, rms[:, None], out=np.zeros_like(share), where=rms[:, None] > 0.0)
+    # The second order, and where the machine rests.
     outwards = relative_to is None or _carries(mechanism, relative_to)
     if unit == "rad":  # angles about one axis add up
         more = np.zeros(len(q))
@@ -856,7 +851,7 @@ def budget(
 
 
 def _worst(model: ErrorModel, directions: np.ndarray) -> tuple[States, Farthest]:
-    """States along directions (m, 3) at all poses, and the farthest, sought from the best one."""
+    """States along directions (m, 3) at all poses, and the farthest, refined from the best one."""
     states = model.along(np.broadcast_to(directions, (model.poses, *directions.shape)))
     return states, model.farthest(start=directions[states.value.sum(axis=0).argmax(axis=1)])
 
@@ -864,7 +859,7 @@ def _worst(model: ErrorModel, directions: np.ndarray) -> tuple[States, Farthest]
 def holding_drives(
     mechanism: Mechanism, drive: Drive | Mapping[str, Drive] | None
 ) -> dict[str, Drive]:
-    """What holds each joint: what is given, and computed torque else.
+    """The drive of each joint, by name: the given one, or else computed torque.
 
     Raises:
         MissingName: no such joint.
@@ -885,29 +880,30 @@ def holding_drives(
 
 
 def _positions(mechanism: Mechanism, q: np.ndarray, relative_to: str | None) -> np.ndarray:
-    """Of the tool at configurations (n, nq), (n, 3) [m]."""
+    """Positions of the tool at configurations (n, nq), shape (n, 3) [m]."""
     return np.array([tool_place(mechanism, row, relative_to).translation for row in q])
 
 
 def _carries(mechanism: Mechanism, body: str) -> bool:
+    """Whether a body carries the tool."""
     model, ends = mechanism.model, (frame_index(mechanism.model, body), mechanism.tool_frame)
     at, tool = ({*model.supports[model.frames[index].parentJoint]} for index in ends)
     return at <= tool
 
 
 def _second_order(model: ErrorModel, outwards: bool) -> np.ndarray:
-    """What products of small rotations can add to the tool's displacement, at most, (n,) [m].
+    """Bound on the part of the tool's displacement by products of small rotations, (n,) [m].
 
-    A rotation by theta about a centre at the distance r adds theta^2 r / 2 to its linear part; one
-    nearer to the base turns what the others have displaced. Unless the sources come from the base
-    `outwards`, any may turn what any other has displaced.
+    A rotation by theta about a centre at the distance r adds theta^2 r / 2 to its linear part, and
+    turns the displacements by sources farther from the base. Unless the sources are in order from
+    the base `outwards`, any may turn the displacement by any other.
     """
     turn = 0.0 if outwards else sum(play.reach[1] for play in model.plays)
     total = np.zeros(model.poses)
     turned = np.zeros_like(total)
     for play, move in zip(model.plays, model.jacobian, strict=True):
         aside, angle = play.reach
-        # A turn moves the tool by its distance from the axes about which the play lets it turn.
+        # The arm of a turn is the tool's distance from the axes about which the play has one.
         axes = 3 + np.flatnonzero(play.support(np.eye(6)[3:]).value > 0.0)
         arms = np.linalg.norm(move[:, :3, axes], 2, axis=(1, 2)) if len(axes) else 0.0
         felt = np.abs(move).max(axis=(1, 2)) > 0.0
@@ -925,7 +921,11 @@ def _second_order_of_loops(
     direction: np.ndarray,
     driven: Sequence[str] | None,
 ) -> np.ndarray:
-    """Distance of the tool from its first order, journals farthest along directions, (n,) [m]."""
+    """Distance of the exact tool from that of the first order, in the farthest states, (n,) [m].
+
+    Raises:
+        JointplayError: a pose near a singular position, where they disagree.
+    """
     closing = ClosedLoops(mechanism, q[0], driven)
     states = model.along(direction[:, None])
     largest = max(play.reach[0] for play in model.plays)

@@ -1,17 +1,17 @@
 """The tool's error as a sum of contributions, each a set of small displacements at a joint.
 
-What play, an encoder or a tolerance does to the child's body against its parent's is a displacement
-xi = (c, phi), the centre's way c [m] and a rotation vector phi [rad] in the joint's axes, that may
-be anywhere in a convex set. The Jacobian J of the joint makes it the tool's error J xi. What a load
-(F, M) can reach in the set is its support function
+Play, an encoder's step or a tolerance lets the child's body be displaced against its parent's by
+xi = (c, phi), the displacement c [m] of the joint's centre and a rotation vector phi [rad], both in
+the joint's axes, anywhere in a convex set. The joint's Jacobian J turns that into the tool's error
+J xi. How far a load (F, M) can push within the set is the set's support function
 
     h(F, M) = max (F . c + M . phi)
 
-Sums of sets have the sum of the support functions, so the worst case along a direction d is a sum
-over the contributions, of h(J^T d). Displacements at random add by their variances. What loads and
-heat displace is a shift, of which a part is uncertain.
+A sum of sets has the sum of their support functions, so the worst case along a direction d is the
+sum of h(J^T d) over the contributions. Random displacements add by their variances. Loads and heat
+do not open a set but shift it, by an amount known up to a relative uncertainty.
 
-In a closed loop the displacements of several joints may hold each other (`loop_play`).
+In a closed loop the displacements of several joints may constrain each other (`loop_play`).
 """
 
 from __future__ import annotations
@@ -35,27 +35,29 @@ from jointplay.simulation.loads import Load
 DIRECTIONS = 180
 """Directions over half a sphere among which the worst one is sought, before it is refined."""
 _DIRECTIONS_SHIFTED = 400
-"""The same where loads or heat shift the tool: then nearly as bad ones lie far apart."""
+"""Directions over half a sphere where loads or heat shift the tool: the set is then no longer
+symmetric, and directions that are nearly as bad lie far apart."""
 _REFINEMENTS = 12
-"""Most steps by which a worst direction is refined: each can only make it worse (judged)."""
+"""Most steps that refine a worst direction; none can lose distance (judged)."""
 _SETTLED = 1e-12
-"""Change of a unit vector that is rounding."""
+"""Change of a unit vector below which it is only rounding."""
 _ROUNDING = 1e-10
-"""Part of a matrix's largest eigenvalue that is rounding of the products it is made of."""
-_FITS = 1e-9
-"""Part of what the plays could open that may stay open: rounding, far below any play (judged)."""
-_AT_ONCE = 200_000
-"""Loads on joints that are looked at together, which fit into a processor's cache."""
+"""Eigenvalues below this part of the largest are rounding of the products in the matrix."""
+_OPEN = 1e-9
+"""Opening of a loop, relative to the most that its plays could open it, that counts as closed:
+rounding, far below any play (judged)."""
+_BATCH = 200_000
+"""Loads on joints evaluated at once, few enough for a processor's cache."""
 
 
 @dataclass(frozen=True)
 class Line(Play):
-    """A displacement either way along and about a line, such as a gear's backlash."""
+    """A displacement along one line in the space of displacements, such as a gear's backlash."""
 
     amplitude: tuple[float, ...]
-    """Along and about x, y, z, six [m, rad]."""
+    """Largest displacement, to either side: along and about x, y, z, six numbers [m, rad]."""
     wave: bool = False
-    """Whether it goes up and down with a phase that nobody knows; else it is at either end."""
+    """Whether it is a sine of unknown phase; otherwise it rests at one of its two ends."""
 
     @property
     def reach(self) -> tuple[float, float]:
@@ -76,7 +78,7 @@ class Line(Play):
 
     @property
     def covariance(self) -> np.ndarray:
-        """That of a sine is half of its amplitude's square."""
+        """Covariance about zero, shape (6, 6): a sine's variance is half its amplitude squared."""
         return (0.5 if self.wave else 1.0) * np.outer(self.amplitude, self.amplitude)
 
 
@@ -85,7 +87,7 @@ class Box(Play):
     """Displacements and rotations between bounds, each independent of the others."""
 
     half: tuple[float, ...]
-    """Along and about x, y, z, either way, six [m, rad]."""
+    """Bounds along and about x, y, z, to either side, six numbers [m, rad]."""
 
     @property
     def reach(self) -> tuple[float, float]:
@@ -106,16 +108,16 @@ class Box(Play):
 
     @property
     def covariance(self) -> np.ndarray:
-        """A third of each half's square."""
+        """Covariance of uniform distributions, shape (6, 6): a third of each bound squared."""
         return np.diag(np.array(self.half) ** 2) / 3.0
 
 
 @dataclass(frozen=True)
 class Tilt(Play):
-    """A tilt of the axis alone, in a disc: what reduced models know of a journal's play."""
+    """A tilt of the axis alone, anywhere in a disc: a journal's play as reduced models keep it."""
 
     size: float
-    """Either way [rad]."""
+    """Largest tilt in any direction [rad]."""
 
     @property
     def reach(self) -> tuple[float, float]:
@@ -130,30 +132,30 @@ class Tilt(Play):
 
 @dataclass(frozen=True)
 class Contribution:
-    """What one cause does at one joint: anywhere in a set, and a shift in any case."""
+    """The displacements of one joint by one cause: a known shift, plus anywhere in a set."""
 
     joint: str
     cause: str
-    """Name of the cause: sums, parts and prices are told by it."""
+    """Name of the cause, by which sums, remaining parts and prices refer to it."""
     set: Play | None = None
-    """Where the displacement may be; None: only where `shift` says."""
+    """Set in which the displacement may be anywhere; None: the displacement is `shift` alone."""
     shift: np.ndarray | None = None
-    """Displacement in any case at n poses, shape (n, 6) [m, rad]; None: none."""
+    """Displacement that is always there, at n poses, shape (n, 6) [m, rad]; None: zero."""
     spread: float = 0.0
-    """Relative uncertainty of `shift`, either way."""
+    """Relative uncertainty of `shift`, to either side."""
     origin: str = ""
-    """What its numbers are those of, in words, such as ``its gear``."""
+    """Source of its numbers in words, such as ``its gear``."""
     numbers: tuple[tuple[str, str], ...] = ()
-    """Numbers in words, and whether each is ``given``, of a ``class`` or by a ``rule``."""
+    """Each number as text, and its origin: ``given``, a ``class`` of robots or a ``rule``."""
     proportional: bool = True
     """Whether it is proportional to a size that can be chosen; the play of a rolling bearing or of
     a fit is not."""
     middle: Play | None = None
-    """`set` in the middle of the fit's tolerances, where `set` is with the loosest parts."""
+    """The set at the middle of the fit's tolerances; `set` is that of the loosest parts."""
     fit: Fit | None = None
     part: str = ""
-    """Which part of the joint it is, if not the joint itself: `GEAR`, or `LINK`, whose first
-    component is by how much it grows, relatively."""
+    """Part of the joint that is displaced, if not the joint itself: `GEAR`, or `LINK`, where the
+    first component of the displacement is the link's relative growth."""
 
     @property
     def name(self) -> str:
@@ -161,7 +163,7 @@ class Contribution:
 
     @property
     def by_origin(self) -> dict[str, str]:
-        """What of `numbers` is of each origin."""
+        """The texts of `numbers`, joined, by their origin."""
         grouped: dict[str, list[str]] = {}
         for text, origin in self.numbers:
             grouped.setdefault(origin, []).append(text)
@@ -169,25 +171,27 @@ class Contribution:
 
     @property
     def source(self) -> str:
-        """Where all its numbers are from, in words."""
+        """The origins of all its numbers, in words."""
         parts = [f"{origin}: {texts}" for origin, texts in self.by_origin.items()]
         return "; ".join([*parts, *filter(None, [self.origin])])
 
     @property
     def gear(self) -> bool:
+        """Whether it is a displacement of the joint's gear."""
         return self.part == jacobians.GEAR
 
     @property
     def looseness(self) -> float:
-        """Standard deviation from `middle`, as a part of what `set` differs from it."""
+        """Standard deviation of a fit's clearance, relative to the way from `middle` to `set`."""
         return self.fit.deviation / (self.fit.most - self.fit.middle) if self.fit else 0.0
 
     def draw(self, random: np.random.Generator, count: int) -> np.ndarray:
-        """Displacements of `set` at random, shape (count, 6), of a fit with parts at random."""
+        """Random displacements in the set, shape (count, 6); a fit's clearance is random, too."""
         if self.set is None:
             return np.zeros((count, 6))
         if self.fit is None or self.middle is None:
             return self.set.draw(random, count)
+        # The same random loads push both journals, so that states between them are interpolated.
         middle, loose = self.middle.draw(copy.deepcopy(random), count), self.set.draw(random, count)
         sizes = self.fit.quantile(random.uniform(size=count))
         part = (sizes - self.fit.middle) / (self.fit.most - self.fit.middle)
@@ -195,7 +199,7 @@ class Contribution:
 
     @cached_property
     def covariance(self) -> np.ndarray:
-        """Of `draw`, about zero, shape (6, 6)."""
+        """Second moments of the displacements that `draw` returns, shape (6, 6)."""
         if self.set is None:
             return np.zeros((6, 6))
         if self.middle is None:
@@ -205,41 +209,44 @@ class Contribution:
 
 
 class States(NamedTuple):
-    """Farthest states of k contributions at n poses along m directions."""
+    """The farthest states of k contributions at n poses along m directions."""
 
     value: np.ndarray
-    """By contribution, their sum being a bound, shape (k, n, m) [m or rad]."""
+    """Each contribution's share of the distance, shape (k, n, m) [m or rad]; the sum is a bound."""
     point: np.ndarray
-    """Displacements of the joints, which attain it, shape (k, n, m, 6)."""
+    """Displacements of the joints that attain it, shape (k, n, m, 6) [m, rad]."""
     error: np.ndarray
-    """The tool's error there, by contribution, shape (k, n, m, 6)."""
+    """Each contribution's part of the tool's error there, shape (k, n, m, 6) [m, rad]."""
 
 
 class Farthest(NamedTuple):
     """How far the tool can be off at n poses."""
 
     size: np.ndarray
-    """Shape (n,) [m or rad]."""
+    """Distance or angle of the tool, shape (n,) [m or rad]."""
     direction: np.ndarray
-    """Where to, unit vectors in world axes, shape (n, 3)."""
+    """Direction of that error, unit vectors in world axes, shape (n, 3)."""
     parts: np.ndarray
-    """What each contribution adds, shape (k, n)."""
+    """Share of each contribution in `size`, shape (k, n)."""
 
 
 @dataclass(frozen=True)
 class ErrorModel:
-    """The error of a tool at n poses: k contributions, and what each does to the tool."""
+    """The error of a tool at n poses: k contributions, and how each moves the tool."""
 
     contributions: tuple[Contribution, ...]
     jacobian: np.ndarray
-    """The tool's displacement and rotation in world axes per the joint's own, (k, n, 6, 6)."""
+    """The tool's displacement and rotation, world axes, per displacement of each contribution's
+    joint, (k, n, 6, 6)."""
     load: np.ndarray
-    """Gravity and the tool's load on the joint, about its centre, its axes, (k, n, 6) [N, N m]."""
+    """Load on the joint by gravity and at the tool, about the joint's centre in its axes, (k, n, 6)
+    [N, N m]."""
     tie: np.ndarray
-    """By how much each displacement opens loops that nothing else can close, (k, n, r, 6), zero in
-    sum over all contributions; r is zero if no loops hold them. See `loop_play`."""
+    """Opening of the loops, as far as no other coordinate can close them, per displacement, (k, n,
+    r, 6): summed over all contributions it must be zero. r is 0 without such loops. See
+    `loop_play`."""
     scale: np.ndarray
-    """What each contribution is multiplied by, (k,)."""
+    """Factor by which each contribution is multiplied, (k,)."""
 
     @classmethod
     def of(
@@ -249,10 +256,15 @@ class ErrorModel:
         effects: jacobians.Jacobians,
         scale: Sequence[float] | None = None,
     ) -> ErrorModel:
+        """The model of contributions at `joints`, of which `effects` holds the Jacobians.
+
+        Raises:
+            JointplayError: a shift that a closed loop resists, which is statically indeterminate.
+        """
         at = [list(joints).index(c.joint) for c in contributions]
         move, tie = effects.tool[at], effects.tie[at]
         for i, (k, contribution) in enumerate(zip(at, contributions, strict=True)):
-            if contribution.part == jacobians.LINK:
+            if contribution.part == jacobians.LINK:  # its first component is a relative growth
                 move[i], tie[i] = 0.0, 0.0
                 move[i, :, :, 0], tie[i, :, :, 0] = effects.growth[k], effects.growth_tie[k]
         for rows, c in zip(tie, contributions, strict=True):
@@ -265,17 +277,18 @@ class ErrorModel:
                     "hold each other against it; leave this cause out, or give the loops joints "
                     "that do not (kind 'planar', balls)"
                 )
-        holds = any(
+        tied = any(
             np.abs(rows @ c.set.cones.spread).max(initial=0.0) > jacobians.FELT * max(c.set.reach)
             for rows, c in zip(tie, contributions, strict=True)
             if tie.shape[2] and c.set is not None
         )
         factor = np.ones(len(at)) if scale is None else np.array(scale, float)
-        tie = tie if holds else tie[:, :, :0]
+        tie = tie if tied else tie[:, :, :0]
         return cls(tuple(contributions), move, effects.load[at], tie, factor)
 
     @classmethod
     def join(cls, models: Sequence[ErrorModel]) -> ErrorModel:
+        """One model of the contributions of several, at the same poses."""
         if len(models) == 1:
             return models[0]
         contributions = tuple(c for model in models for c in model.contributions)
@@ -297,26 +310,27 @@ class ErrorModel:
 
     @property
     def tied(self) -> bool:
-        """Whether contributions hold each other."""
+        """Whether closed loops make contributions constrain each other."""
         return self.tie.shape[2] > 0
 
     @property
     def middle(self) -> ErrorModel:
-        """With fits in the middle of their tolerances."""
+        """The model with all fits in the middle of their tolerances."""
         centred = (c if c.middle is None else replace(c, set=c.middle) for c in self.contributions)
         return replace(self, contributions=tuple(centred))
 
     @property
     def turning(self) -> ErrorModel:
-        """With the tool's rotation for its displacement, and the other way round."""
+        """The model with the tool's rotation and displacement exchanged, to ask for angles."""
         swapped = self.jacobian[:, :, 3:], self.jacobian[:, :, :3]
         return replace(self, jacobian=np.concatenate(swapped, axis=2))
 
     def scaled(self, scale: np.ndarray) -> ErrorModel:
-        """With contributions so many times as large, (k,)."""
+        """The model with its contributions multiplied by factors (k,)."""
         return replace(self, scale=scale)
 
     def subset(self, contributions: Any = slice(None), poses: Any = slice(None)) -> ErrorModel:
+        """The model of some contributions at some poses, by index, slice or mask."""
         at = np.arange(len(self.contributions))[contributions]
         some = tuple(
             c if c.shift is None else replace(c, shift=c.shift[poses])
@@ -334,25 +348,28 @@ class ErrorModel:
         return self._states(self._pulls(directions, turn))
 
     def _pulls(self, directions: np.ndarray, turn: bool) -> np.ndarray:
-        """What unit forces (moments) along directions (n, m, 3) do at the joints, (k, n, m, 6)."""
+        """Loads on the joints of unit forces (moments) at the tool along directions (n, m, 3).
+
+        These are J^T d, shape (k, n, m, 6).
+        """
         rows = self.jacobian[:, :, 3:] if turn else self.jacobian[:, :, :3]
         return np.einsum("nmk,jnki->jnmi", directions, rows)
 
     def at_rest(self) -> States:
-        """Where gravity and the tool's load put the journals, without friction; m is one."""
+        """States into which gravity and the tool's load push frictionless joints; m is 1."""
         return self._states(self.load[:, :, None])
 
     @cached_property
     def sphere(self) -> np.ndarray:
         """Directions among which the worst one is sought, (m, 3)."""
         if all(c.shift is None for c in self.contributions):
-            return half_sphere()  # the other half has the same
+            return half_sphere()  # the sets are symmetric: the other half gives the same
         half = half_sphere(_DIRECTIONS_SHIFTED)
         return np.vstack([half, -half])
 
     def values(self, directions: np.ndarray, turn: bool = False) -> np.ndarray:
-        """How far each goes along directions (m, 3) at all poses, (k, n, m) [m or rad]."""
-        batch = max(_AT_ONCE // (len(self.contributions) * len(directions)), 1)
+        """Reach of each contribution along directions (m, 3) at all poses, (k, n, m) [m or rad]."""
+        batch = max(_BATCH // (len(self.contributions) * len(directions)), 1)
         parts = [np.zeros((len(self.contributions), 0, len(directions)))]
         for first in range(0, self.poses, batch):
             some = self.subset(poses=slice(first, first + batch))
@@ -374,9 +391,10 @@ class ErrorModel:
         return self.farthest(turn=True)
 
     def climb(self, d: np.ndarray, turn: bool = False) -> np.ndarray:
-        """Directions (n, 3) in which the tool gets no less far than along directions `d`.
+        """Directions (n, 3) along which the tool gets at least as far as along `d`.
 
-        In each step d is replaced by the direction of the point that is farthest along d.
+        Each step replaces d by the direction of the point that is farthest along d: that point lies
+        at least as far away as along d.
         """
         rows = slice(3, 6) if turn else slice(0, 3)
         for _ in range(_REFINEMENTS):
@@ -393,7 +411,7 @@ class ErrorModel:
         return np.array(sizes)
 
     def _states(self, loads: np.ndarray) -> States:
-        """States farthest along loads (k, n, m, 6) of any unit."""
+        """The states farthest along loads (k, n, m, 6) of any unit."""
         value, point = self._reached(loads)
         error = np.einsum("jnik,jnmk->jnmi", self.jacobian, point)
         if self.tied:
@@ -408,13 +426,14 @@ class ErrorModel:
         sets = [c.set for c in self.contributions]
         if self.tied:
             sets = [None if play is None else loop_play.ended(play) for play in sets]
-        for play in dict.fromkeys(sets):  # alike ones together: many at once cost little more
+        for play in dict.fromkeys(sets):  # equal sets together: one call costs little more
             if play is None:
                 continue
-            alike = [number for number, item in enumerate(sets) if item == play]
-            reached = play.support(flat[alike].reshape(-1, 6))
-            value[alike] = reached.value.reshape(len(alike), -1)
-            point[alike] = reached.point.reshape(len(alike), -1, 6)
+            equal = [number for number, item in enumerate(sets) if item == play]
+            reached = play.support(flat[equal].reshape(-1, 6))
+            value[equal] = reached.value.reshape(len(equal), -1)
+            point[equal] = reached.point.reshape(len(equal), -1, 6)
+        # Shifts, with the end of their uncertainty that lies farther along the load.
         for number, contribution in enumerate(self.contributions):
             if contribution.shift is not None:
                 shift = np.repeat(contribution.shift, m, axis=0)
@@ -424,26 +443,29 @@ class ErrorModel:
         factor = self.scale[:, None]
         value, point = factor * value, factor[:, :, None] * point
         if self.tied:
-            self._tie(flat, value, point, m)
+            self._close_loops(flat, value, point, m)
         return value.reshape(k, n, m), point.reshape(k, n, m, 6)
 
-    def _tie(self, flat: np.ndarray, value: np.ndarray, point: np.ndarray, m: int) -> None:
-        """Put right, in place, what loops forbid of values (k, n m) and points along loads."""
-        all_plays = [loop_play.ended(c.set) if c.set else None for c in self.contributions]
-        sets = [k for k, play in enumerate(all_plays) if play is not None and max(play.reach) > 0.0]
-        plays = [play for play in all_plays if play is not None and max(play.reach) > 0.0]
+    def _close_loops(self, flat: np.ndarray, value: np.ndarray, point: np.ndarray, m: int) -> None:
+        """Correct values (k, n m) and points (k, n m, 6) in place where they open loops."""
+        bounded = {
+            k: loop_play.ended(c.set)
+            for k, c in enumerate(self.contributions)
+            if c.set is not None and max(c.set.reach) > 0.0
+        }
+        sets, plays = list(bounded), list(bounded.values())
         factor = self.scale[sets, None, None]
         ties = np.repeat(factor[..., None] * self.tie[sets], m, axis=1)
         opened = np.abs(np.einsum("jnri,jni->nr", ties, point[sets] / factor)).max(axis=1)
-        able = sum(loop_play.opening(*pair) for pair in zip(plays, ties, strict=True))
-        (some,) = np.nonzero(opened > _FITS * able)
+        most = sum(loop_play.opening(*pair) for pair in zip(plays, ties, strict=True))
+        (some,) = np.nonzero(opened > _OPEN * most)
         if len(some):
             loads, at = (factor * flat[sets])[:, some], np.ix_(np.array(sets), some)
             value[at], inner = loop_play.farthest(plays, loads, ties[:, some])
             point[at] = factor * inner
 
     def _check_ends(self, point: np.ndarray, error: np.ndarray) -> None:
-        """Refuse a journal without end walls at an end that it has not, if the tool feels it."""
+        """Refuse a journal without end walls that slides to its stand-in end, if the tool moves."""
         for contribution, at, errors in zip(self.contributions, point, error, strict=True):
             play = contribution.set
             if not isinstance(play, JournalPlay) or not math.isinf(play.along):
@@ -459,7 +481,7 @@ class ErrorModel:
 
     @cached_property
     def means(self) -> np.ndarray:
-        """The tool's displacement by each contribution in any case, (k, n, 3) [m]."""
+        """Mean displacement of the tool by each contribution, which is its shift, (k, n, 3) [m]."""
         displacement = np.zeros((len(self.contributions), self.poses, 3))
         for k, contribution in enumerate(self.contributions):
             if contribution.shift is not None:
@@ -468,35 +490,38 @@ class ErrorModel:
         return self.scale[:, None, None] * displacement
 
     @cached_property
-    def _own_covariances(self) -> np.ndarray:
-        """Of the joints' displacements in their sets, (k, 6, 6)."""
+    def _set_covariances(self) -> np.ndarray:
+        """Covariance of each joint's displacement in its set, loops aside, (k, 6, 6)."""
         covariances_ = np.array([c.covariance for c in self.contributions])
         return self.scale[:, None, None] ** 2 * covariances_
 
     @cached_property
-    def _yielding(self) -> np.ndarray:
-        """By how much displacements give way to what ties are opened by at random, (k, n, 6, r).
+    def _closing_gain(self) -> np.ndarray:
+        """Gain K by which displacements yield to random openings of the loops, (k, n, 6, r).
 
-        As the variances allow: so each joint's has the variance that it has, given that loops are
-        closed.
+        With covariances S and ties T, K_i = S_i T_i^T (sum_j T_j S_j T_j^T)^-1: displacements less
+        K times the opening leave the loops closed, with the covariances of normal variables under
+        that condition.
         """
-        crossed = self._own_covariances[:, None] @ self.tie.transpose(0, 1, 3, 2)
-        opened = np.linalg.pinv((self.tie @ crossed).sum(axis=0), rcond=_ROUNDING, hermitian=True)
-        return np.asarray(crossed @ opened)
+        crossed = self._set_covariances[:, None] @ self.tie.transpose(0, 1, 3, 2)
+        inverse = np.linalg.pinv((self.tie @ crossed).sum(axis=0), rcond=_ROUNDING, hermitian=True)
+        return np.asarray(crossed @ inverse)
 
     @cached_property
     def covariances(self) -> np.ndarray:
         """Covariance of the tool's displacement by each contribution, (k, n, 3, 3) [m^2].
 
-        Of those that hold each other, of each and all together, which makes a sum, too.
+        Contributions that loops tie to each other are correlated: theirs is the covariance of each
+        with the sum, so that these add up to the covariance of the sum.
         """
         rows = self.jacobian[:, :, :3]
-        joint = self._own_covariances
+        joint = self._set_covariances
         covariance = np.einsum("jnik,jkl,jnml->jnim", rows, joint, rows)
         if self.tied:
             opened = (self.tie @ joint[:, None] @ rows.transpose(0, 1, 3, 2)).sum(axis=0)
-            less = rows @ self._yielding @ opened
+            less = rows @ self._closing_gain @ opened
             covariance = covariance - 0.5 * (less + less.transpose(0, 1, 3, 2))
+        # A shift is uniform within its uncertainty, of which the deviation is 1 / sqrt(3).
         spread = np.array([c.spread for c in self.contributions]) / np.sqrt(3.0)
         shift = spread[:, None, None] * self.means
         return np.asarray(covariance + shift[..., :, None] * shift[..., None, :])
@@ -509,7 +534,9 @@ class ErrorModel:
         return np.asarray(np.sqrt(square))
 
     def draw(self, random: np.random.Generator, count: int) -> np.ndarray:
-        """Displacements at random at the first pose, as the variances suppose, (count, k, 6)."""
+        """Random displacements at the first pose, of the variances of `covariances`, (count, k, 6)
+        [m, rad].
+        """
         sets = np.zeros((count, len(self.contributions), 6))
         shifts = np.zeros_like(sets)
         for k, contribution in enumerate(self.contributions):
@@ -519,7 +546,7 @@ class ErrorModel:
             sets[:, k] = self.scale[k] * contribution.draw(random, count)
         if self.tied:
             opened = np.einsum("kri,mki->mr", self.tie[:, 0], sets)
-            sets -= np.einsum("kir,mr->mki", self._yielding[:, 0], opened)
+            sets -= np.einsum("kir,mr->mki", self._closing_gain[:, 0], opened)
         return sets + shifts
 
 
@@ -553,9 +580,10 @@ def play_model(
     loops: bool = False,
     relative_to: str | None = None,
 ) -> ErrorModel:
-    """The error by play alone, of joints with clearance and then of gears; arguments of `budget`.
+    """The error by play alone: of joints with clearance, then of gears.
 
-    With `loops` mechanisms with loops are taken, too, whose plays may be tied to each other.
+    The arguments are those of `budget`. Mechanisms with closed loops, whose plays may constrain
+    each other, are accepted only with `loops`.
     """
     if relative_to is not None:
         jacobians.check_body(mechanism, relative_to)
@@ -577,7 +605,7 @@ def play_model(
 
 
 def play_of_joint(mechanism: Mechanism, name: str, second_order: bool = True) -> Contribution:
-    """What the clearance of a joint lets it do."""
+    """The displacements that the clearance of a joint allows, a fit at its loosest."""
     joint = mechanism.clearance[name]
     middle_, origin, fit = joint.play(second_order), "the joint's clearance", joint.fitted
     if fit is not None:
@@ -591,10 +619,8 @@ def play_of_joint(mechanism: Mechanism, name: str, second_order: bool = True) ->
 
 
 def play_of_gear(mechanism: Mechanism, name: str) -> Contribution:
-    """The backlash and hysteresis of a gear: the joint moves by its axis, the motor stands."""
-    half, axis = (
-        mechanism.gears[name].unloaded_range / 2.0,
-        mechanism.description.joints[name].component,
-    )
+    """Backlash and hysteresis of a gear: the joint moves along its freedom, the motor stands."""
+    half = mechanism.gears[name].unloaded_range / 2.0
+    axis = mechanism.description.joints[name].component
     backlash = Line(tuple(half if k == axis else 0.0 for k in range(6)))
     return Contribution(name, "play", backlash, origin=f"its{jacobians.GEAR}", part=jacobians.GEAR)

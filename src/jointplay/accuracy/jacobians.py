@@ -1,8 +1,11 @@
-"""How a small displacement at each joint moves the tool, and the load that the joint bears.
+"""Jacobians: how a small displacement at each joint moves the tool, and the load on the joint.
 
-In a tree what a joint displaces is all that it carries. In a closed loop the joints that are not
-driven follow, the tool with them; what they cannot close ties the displacements of the loop's
-joints to each other.
+In a tree a displacement moves all that the joint carries. In a closed loop the passive joints, and
+the tool with them, follow it so that the loop stays closed; openings that they cannot close tie the
+displacements of the loop's joints to each other.
+
+`displaced` gives the tool's position by the exact kinematics instead, and `taken_up` the motion of
+the joints that takes a displacement of the tool back.
 """
 
 from __future__ import annotations
@@ -31,30 +34,33 @@ GEAR = " (gear)"
 LINK = " (link)"
 """Appended to a joint's name for the growth of the link that it carries."""
 _ROUNDING = 1e-14
-"""Of a place that is found through a chain of joints, relative to its distance from the origin."""
+"""Rounding of a position found through a chain of joints, relative to its distance from the
+origin."""
 FELT = 1e-9
-"""Motion of the tool per motion of a coordinate that is none [1 or m]."""
+"""Motion of the tool per motion of a coordinate below which it does not move [1 or m]."""
 
 
 class Jacobians(NamedTuple):
-    """What j joints do to the tool at n poses; a displacement is one of the child's body.
+    """Effects of displacements at j joints on the tool at n poses.
 
-    Of a joint about its centre, in the axes of its bearing, z the joint's own; without clearance
-    its frame has that place.
+    A displacement is that of the child's body against its parent's, about the joint's centre, in
+    the axes of its bearing, z along the joint's axis; without clearance, in the joint's frame.
     """
 
     tool: np.ndarray
-    """The tool's displacement and rotation in world axes per the joint's own, (j, n, 6, 6)."""
+    """The tool's displacement and rotation, world axes, per displacement of the joint, (j, n, 6,
+    6)."""
     load: np.ndarray
-    """What gravity and loads exert on the joint, about its centre, (j, n, 6) [N, N m]."""
+    """Load on the joint by gravity and other loads, about its centre in its axes, (j, n, 6) [N,
+    N m]."""
     tie: np.ndarray
-    """By how much each displacement opens loops that nothing else can close, (j, n, r, 6), zero in
-    sum over all joints."""
+    """Opening of the loops, as far as no other coordinate can close them, per displacement of the
+    joint, (j, n, r, 6): summed over all joints it must be zero."""
     growth: np.ndarray
     """The tool's displacement and rotation per relative growth of the link that the joint carries,
     (j, n, 6); of links between two of the `joints`, or one and the tool."""
     growth_tie: np.ndarray
-    """By how much growth opens loops that nothing else can close, (j, n, r)."""
+    """The same opening per relative growth of that link, (j, n, r)."""
 
 
 def jacobians(
@@ -67,7 +73,7 @@ def jacobians(
 ) -> Jacobians:
     """Jacobians at configurations q (n, nq), journals centred and loops closed; see `budget`.
 
-    Beside gravity `loads` act, as they do where a run begins.
+    `loads` act besides gravity, as they do where a run begins.
 
     Raises:
         JointplayError: a pose at which the driven joints do not determine the tool.
@@ -102,11 +108,14 @@ def jacobians(
 def link_ends(
     mechanism: Mechanism, joints: Sequence[str], relative_to: str | None = None
 ) -> Iterator[tuple[str, str, np.ndarray]]:
-    """What a relative growth of one displaces where the links of `joints` end.
+    """Displacements of the ends of links, each for a relative growth of its link by one.
 
-    After `pin.computeJointJacobians`: for each end the joint that carries the link, the joint there
-    (empty for the tool, and the body from which it is seen), and the displacement that this end's
-    motion is for that joint, as of `Jacobians`, or for the tool, (6,) [m].
+    To be called after `pin.computeJointJacobians`.
+
+    Yields:
+        The joint that carries the link; the joint at this end, empty for the tool and for the body
+        from which it is seen; the displacement of that joint, as in `Jacobians`, or of the tool,
+        (6,) [m].
     """
     data, model = mechanism.data, mechanism.model
     ends: list[tuple[int, str, np.ndarray, np.ndarray]] = []
@@ -116,7 +125,7 @@ def link_ends(
             back = (data.oMi[bearing[0]] * bearing[1]).rotation.T
             for (index, frame), sign in ((bearing, 1.0), (journal, -1.0)):
                 ends.append((index, name, sign * back, (data.oMi[index] * frame).translation))
-        else:  # the child's own link begins here
+        else:  # the joint is an end of its parent's link, and carries the child's
             _, axes = place(mechanism, name)
             parent = min(bearing[0], journal[0])
             ends.append((parent, name, axes.rotation.T, axes.translation))
@@ -137,7 +146,8 @@ def with_force(
 ) -> dict[str, Load]:
     """Loads by name, with a force on the tool; refused unless it has three finite components [N].
 
-    Some are `Load.left_out`, as controllers: drives hold the machine in their stead.
+    Loads that are `Load.left_out` of statics, such as controllers, are not among them: drives hold
+    the machine in their stead.
     """
     push = [require_finite("force on the tool", component, "N") for component in force]
     if len(push) != 3:
@@ -148,7 +158,7 @@ def with_force(
 
 
 def static_loads(mechanism: Mechanism, loads: Mapping[str, Load]) -> StaticLoads:
-    """Loads of a mechanism, as statics ask for them."""
+    """Loads of a mechanism in the form that statics take."""
     sites = [load_site(load, mechanism, {}) for load in loads.values()]
     return StaticLoads(loads, mechanism, sites)
 
@@ -170,14 +180,14 @@ def check_body(mechanism: Mechanism, body: str) -> None:
 
 
 def carrying(mechanism: Mechanism, payloads: Sequence[Payload]) -> Mechanism:
-    """The same with all payloads in hand, of which computed torque, as in a run, does not know."""
+    """The mechanism with all payloads in hand, unknown to computed torque as in a run."""
     if not payloads:
         return mechanism
     held = copy.copy(mechanism)
     always = [replace(payload, pick=0.0, release=None) for payload in payloads]
     held.model = loaded(mechanism.model, always, 0.0)
     held.data = held.model.createData()
-    vars(held)["_ideal"] = mechanism.ideal()  # of which drives know
+    vars(held)["_ideal"] = mechanism.ideal()  # the unladen robot, which is all that drives know
     return held
 
 
@@ -186,9 +196,11 @@ def configurations(
     poses: np.ndarray | Mapping[str, float],
     driven: Sequence[str] | None = None,
 ) -> np.ndarray:
-    """Configurations (n, nq), journals centred, loops closed: from positions by name, or others.
+    """Configurations (n, nq) of poses, journals centred and loops closed.
 
-    Positions of joints of a loop that are not `driven` say from where it is closed.
+    Poses are joint positions by name, others zero or in the middle of their limits, or
+    configurations. Where a loop is open, it is closed from the positions given for its joints that
+    are not `driven`.
 
     Raises:
         JointplayError: a wrong shape; a loop that cannot be closed.
@@ -196,7 +208,7 @@ def configurations(
     """
     if mechanism.free_base is not None:
         raise JointplayError(
-            "static budgets are of a base that is held, and this one is free: take the mechanism "
+            "static budgets need a base that is held, and this one is free: take the mechanism "
             'with base = "held"; relative_to then names the body whose motion does not count'
         )
     if isinstance(poses, Mapping):
@@ -223,16 +235,21 @@ def _follow(
     moves: np.ndarray,
     loads: np.ndarray,
 ) -> np.ndarray:
-    """Add what follows through the loops at a pose to (j, n, ...); the ties there, (j, r, 6)."""
+    """Add to `moves` and `loads` at a pose what passive joints do in the loops; return its ties.
+
+    With the loops' opening A xi by a displacement xi, and the passive coordinates' motion F that
+    closes an opening, the passive joints move by -F A xi. By virtual work the generalised forces on
+    them load xi, too. The ties (j, r, 6) are the part of A xi that F cannot close.
+    """
     mechanism, passive = closing.mechanism, closing.passive
     model, data = mechanism.model, mechanism.data
-    closing_up = closing.linear(q[pose])
+    linear = closing.linear(q[pose])
     pin.computeJointJacobians(model, data, q[pose])
     axes_of_world = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
     tool = pin.getFrameJacobian(model, data, mechanism.tool_frame, axes_of_world)
     tool = tool.reshape(6, model.nv)
-    if np.abs(tool[:, passive] @ closing_up.loose).max(initial=0.0) > FELT:
-        sizes = np.abs(closing_up.loose).max(axis=1, initial=0.0)
+    if np.abs(tool[:, passive] @ linear.loose).max(initial=0.0) > FELT:
+        sizes = np.abs(linear.loose).max(axis=1, initial=0.0)
         loose = [i for i, size in zip(passive, sizes, strict=True) if size > FELT]
         names = dict.fromkeys(repr(mechanism.coordinates[i].joint) for i in loose)
         raise JointplayError(
@@ -240,12 +257,12 @@ def _follow(
             f"determine the tool {mechanism.tool!r} at {closing.stands(q[pose], pose, len(q))}: "
             f"nothing determines {', '.join(names)} (a singular position, or too few driven joints)"
         )
-    weight = -pin.computeGeneralizedGravity(model, data, q[pose])
+    forces = -pin.computeGeneralizedGravity(model, data, q[pose])
     pin.computeJointJacobians(model, data, q[pose])
     for index, push in pushes:
         twist = pin.getJointJacobian(model, data, index, pin.ReferenceFrame.WORLD)
-        weight += twist.reshape(6, model.nv).T @ push
-    ties = np.zeros((len(joints), len(closing_up.ties), 6))
+        forces += twist.reshape(6, model.nv).T @ push
+    ties = np.zeros((len(joints), len(linear.ties), 6))
     for j, name in enumerate(joints):
         if name in mechanism.loops:
             opened = own_opening(mechanism, name)
@@ -255,16 +272,16 @@ def _follow(
             arm = np.cross(axes.translation, along, axisb=0, axisc=0)  # centre x each axis
             twist = np.block([[along, arm], [np.zeros((3, 3)), along]])
             opened = opening(mechanism, index, twist)
-        opened = closing_up.weight[:, None] * opened
-        followed = -closing_up.follow @ opened
+        opened = linear.weight[:, None] * opened
+        followed = -linear.follow @ opened
         moves[j, pose] += tool[:, passive] @ followed
-        loads[j, pose] += followed.T @ weight[passive]
-        ties[j] = closing_up.ties @ opened
+        loads[j, pose] += followed.T @ forces[passive]
+        ties[j] = linear.ties @ opened
     return ties
 
 
 def tool_place(mechanism: Mechanism, q: np.ndarray, relative_to: str | None = None) -> pin.SE3:
-    """Where the tool is in configuration q (nq,), in the world or in a body's axes."""
+    """Pose of the tool in configuration q (nq,), in the world or in the frame of a body."""
     pin.framesForwardKinematics(mechanism.model, mechanism.data, q)
     tool = mechanism.data.oMf[mechanism.tool_frame].copy()
     if relative_to is None:
@@ -273,28 +290,30 @@ def tool_place(mechanism: Mechanism, q: np.ndarray, relative_to: str | None = No
 
 
 SPARED = 0.05
-"""Singular values of the Jacobian below this part of the largest are damped: as
-joints near singular poses would go far for little, they go the less, the nearer (judged)."""
+"""Singular values of the Jacobian below this part of the largest are damped: near a singular pose
+joints would go far to move the tool little, so they go less the nearer they are (judged)."""
 _LOST = 1e-9
-"""Part of the largest singular value below which a motion leaves the tool where it is."""
+"""Singular values below this part of the largest belong to motions that leave the tool in place."""
 
 
 def taken_up(
     ideal: Mechanism, at: Mapping[str, float], displacement: np.ndarray, size: float | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """How far joints move to displace the tool, by damped least squares, and what they cannot do.
+    """Joint motions that displace the tool, by damped least squares, and the residual.
 
-    Unless a length weighs a turn against it, the position comes first; by the motions that leave
-    the position as it is the tool is turned as far as it can be.
+    If `size` weighs turns against displacements, both are fitted at once. Otherwise the position
+    comes first; the motions that leave it as it is (the null space of its Jacobian) then turn the
+    tool as far as they can.
 
     Args:
         ideal: a robot without loops.
         at: positions of the joints that move [rad or m].
-        displacement: of the tool, world axes, shape (6,) [m, rad].
-        size: a turn counts as the displacement of what is so far from the tool [m].
+        displacement: displacement and rotation of the tool, world axes, shape (6,) [m, rad].
+        size: distance from the tool at which a turn counts as the displacement there [m].
 
     Returns:
-        Of each joint, shape (len(at),) [rad or m], and what is left, shape (6,).
+        Motion of each joint, shape (len(at),) [rad or m], and what is left of the displacement,
+        shape (6,) [m, rad].
     """
     pin.computeJointJacobians(ideal.model, ideal.data, ideal.configuration(at))
     pin.updateFramePlacements(ideal.model, ideal.data)
@@ -313,7 +332,7 @@ def taken_up(
 
 
 def _least_squares(moves: np.ndarray, target: np.ndarray) -> np.ndarray:
-    """Damped near singular poses only, shape (columns of moves,)."""
+    """The x that minimises |moves @ x - target|, damped near singular poses only."""
     left, values, right = np.linalg.svd(moves, full_matrices=False)
     least = SPARED * values.max(initial=0.0)
     gains = values / np.maximum(np.maximum(values, least) ** 2, 1e-300)
@@ -327,18 +346,19 @@ def _of_joint(
     pushes: Sequence[tuple[int, np.ndarray]],
     relative_to: str | None,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Jacobian (6, 6) and load (6,) of the joint at a `place`, under `StaticLoads.wrenches`.
+    """Jacobian (6, 6) and load (6,) of a joint in the tree, given its `place` and
+    `StaticLoads.wrenches`.
 
-    The play is the same both ways, so it does not matter which of the two bodies is the bearing.
-    Relative to a body, in its axes: what moves both does not count, and what moves only the body
-    moves the tool the other way.
+    Plays are symmetric, so it does not matter which of the two bodies is the bearing. Relative to a
+    body, and in its axes, displacements that move both the body and the tool do not count, and
+    those that move only the body move the tool the other way.
     """
     model, data = mechanism.model, mechanism.data
     index, axes = at
     turn, centre = axes.rotation, axes.translation
     move, load = np.zeros((6, 6)), np.zeros(6)
     carried = [(push[:3], push[3:]) for body, push in pushes if index in model.supports[body]]
-    if data.mass[index] > 0.0:  # what has no mass has no centre of mass
+    if data.mass[index] > 0.0:  # without mass there is no centre of mass
         weight = data.mass[index] * np.array(mechanism.gravity)
         carried.append((weight, np.cross(data.oMi[index].act(data.com[index]), weight)))
     moved = index in model.supports[model.frames[mechanism.tool_frame].parentJoint]
@@ -349,23 +369,25 @@ def _of_joint(
     if sign:
         move[:3, :3] = move[3:, 3:] = sign * turn
         arms = np.cross(turn.T, tool.translation - centre).T  # columns: axis x arm
-        # On an axis but for rounding: as far from the world's origin as both may be.
+        # Arms that are only the rounding of both positions: the tool lies on that axis.
         size = np.linalg.norm(tool.translation) + np.linalg.norm(centre)
         arms[np.abs(arms) < _ROUNDING * size] = 0.0
         move[:3, 3:] = sign * arms
     if relative_to is not None:
         back = data.oMf[body].rotation.T
         move = np.concatenate([back @ move[:3], back @ move[3:]])
-    for force, moment in carried:  # about the world's origin
+    for force, moment in carried:  # moments are about the world's origin
         load[:3] += turn.T @ force
         load[3:] += turn.T @ (moment - np.cross(centre, force))
     return move, load
 
 
 def place(mechanism: Mechanism, name: str) -> tuple[int, pin.SE3]:
-    """The joint that carries the child's body; the bearing's axes, z its axis, at the journal.
+    """Index of the joint that carries the child's body, and its frame in the world.
 
-    After `pin.computeJointJacobians`. Without clearance z is the way in which the joint moves.
+    The frame has the bearing's axes, z along its axis, and its origin at the journal's centre;
+    without clearance z is the axis along or about which the joint moves. To be called after
+    `pin.computeJointJacobians`.
     """
     data = mechanism.data
     index = int(mechanism.model.getJointId(name))
@@ -388,11 +410,18 @@ def displaced(
     closing: ClosedLoops | None = None,
     relative_to: str | None = None,
 ) -> np.ndarray:
-    """Where the tool is, exactly, with joints displaced from a configuration q (nq,), (m, 3) [m].
+    """Positions of the tool, by the exact kinematics, with joints displaced, shape (m, 3) [m].
 
-    Loops are closed afresh, as well as can be; NaN where they cannot. `points` (m, k, 6) are
-    displacement and rotation vector of the child's body, bearing axes, by joint, loop and gear
-    [m, rad]; of a link by how much it grows, relatively, first.
+    Loops are closed anew as well as possible; positions are NaN where they cannot be.
+
+    Args:
+        mechanism: left as it was.
+        q: configuration from which joints are displaced, (nq,).
+        names: names of k joints, loops, gears (`GEAR`) and links (`LINK`).
+        points: displacement and rotation vector of the child's body, bearing axes, (m, k, 6)
+            [m, rad]; of a link its relative growth, in the first component.
+        closing: closes the loops; None: there are none.
+        relative_to: body in whose frame the positions are; None: the world.
     """
     model, data = mechanism.model, mechanism.data
     pin.computeJointJacobians(model, data, q)
@@ -411,6 +440,7 @@ def displaced(
     were = {index: model.jointPlacements[index].copy() for index, _ in seats.values()}
     tools = np.full((len(points), 3), np.nan)
     for tool, point in zip(tools, points, strict=True):
+        # Sum the displacements at each joint, and those of the tool itself by links that grow.
         total, shift, looped = dict[str, np.ndarray](), np.zeros(3), dict[str, pin.SE3]()
         for name, xi in zip(bases, point, strict=True):
             for end, part in (
@@ -422,6 +452,7 @@ def displaced(
                     total[end] = total.get(end, 0.0) + part
                 else:
                     shift += part[:3]
+        # Displace them in the model: joints of the tree by their placement, loops as they close.
         for name, xi in total.items():
             move = pin.SE3(pin.exp3(xi[3:]), xi[:3])
             if name in mechanism.loops:
@@ -433,7 +464,7 @@ def displaced(
             closed = q if closing is None else closing.close(q, looped, exactly=False)
             if closed is not None:
                 tool[:] = tool_place(mechanism, closed, relative_to).translation + shift
-        finally:  # however it ends, the mechanism is as it was
+        finally:  # leave the mechanism as it was
             for index, placement in were.items():
                 model.jointPlacements[index] = placement
     return tools
@@ -442,7 +473,7 @@ def displaced(
 def displaced_configuration(
     mechanism: Mechanism, q: np.ndarray, aside: Mapping[str, np.ndarray]
 ) -> np.ndarray:
-    """The configuration with journals of the tree and teeth `displaced`, (nq,)."""
+    """The configuration with journals of the tree and teeth displaced by name, (nq,)."""
     moved = q.copy()
     gears = {name + GEAR: name for name in mechanism.gears}
     for name, xi in aside.items():
@@ -450,14 +481,14 @@ def displaced_configuration(
             joint = gears[name]
             moved[mechanism.coordinate(joint)] += xi[mechanism.description.joints[joint].component]
         else:
-            _push(mechanism, q, moved, name, xi)
+            _displace_journal(mechanism, q, moved, name, xi)
     return moved
 
 
-def _push(
+def _displace_journal(
     mechanism: Mechanism, q: np.ndarray, moved: np.ndarray, name: str, xi: np.ndarray
 ) -> None:
-    """Displace a journal of the tree by its coordinates in `moved`."""
+    """Displace a journal of the tree by xi (6,) from q, through its coordinates in `moved`."""
     model, data = mechanism.model, mechanism.data
     pin.forwardKinematics(model, data, q)
     index, axes = place(mechanism, name)
@@ -477,5 +508,5 @@ def _push(
     turned_to = pin.rpy.matrixToRpy(turn @ pin.rpy.rpyToMatrix(*angles))
     for part, value in zip(parts, turned_to, strict=True):
         if part in at:
-            # The same turn, not one more.
+            # An angle within half a turn of the one before.
             moved[at[part]] = value + 2.0 * np.pi * round((q[at[part]] - value) / (2.0 * np.pi))

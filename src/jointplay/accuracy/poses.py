@@ -1,15 +1,14 @@
-"""Poses at which a budget is drawn up: one, those along a motion, or many over the workspace.
+"""Poses at which a budget is computed: one or several, along a motion, or over the workspace.
 
-In mechanisms with loops only the driven joints are given; the loops are closed by the others, from
-the positions `near` on, which choose the branch.
+In mechanisms with loops only the driven joints are given; the others close the loops, starting from
+the positions `near`, which choose the branch of the solution.
 """
 
 from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Collection, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -31,9 +30,9 @@ from jointplay.simulation.simulation import Simulation
 ALONG = 60
 """Poses along a motion, at equal intervals."""
 MOST_POSES = 1_000_000
-"""Of a budget: more take hours and gigabytes (judged)."""
+"""Most poses of a budget: more take hours and gigabytes (judged)."""
 _SLACK = 1e-6
-"""How far beyond its limits a position may be, for what was rounded [rad or m]."""
+"""Distance beyond its limits at which a position is accepted as rounded [rad or m]."""
 
 
 @dataclass(frozen=True)
@@ -41,17 +40,17 @@ class Poses:
     """A machine that stands, its base held and its loops closed, at one pose or at several."""
 
     machine: Simulation
-    """Its mechanism, what holds it and what it carries."""
+    """The machine: its mechanism, drives, loads and payloads."""
     q: np.ndarray
     """Configurations, (n, nq)."""
     kind: str
     """``pose``, ``motion`` or ``workspace``."""
     label: str
-    """Which they are."""
+    """Description of the poses in words."""
     names: tuple[str, ...] = ()
-    """Of several that were given one by one."""
+    """Names of the poses, if several were given one by one."""
     times: np.ndarray | None = None
-    """Of those along a motion, (n,) [s]."""
+    """Times of poses along a motion, (n,) [s]."""
     driven: tuple[str, ...] | None = None
     """Joints of closed loops that stand; None without loops."""
 
@@ -61,20 +60,20 @@ class Poses:
 
     @property
     def holding(self) -> dict[str, Any]:
-        """What `budget` takes of the machine that stands; drives that hold nothing left out."""
-        drive, known = self.machine.drive, self.machine
+        """The arguments of `budget` that hold and load the machine; drives only if they hold."""
+        machine, drive = self.machine, self.machine.drive
         drives = dict.fromkeys(self.mechanism.joints, drive) if isinstance(drive, Drive) else drive
         return {
             "driven": self.driven,
             "drive": {name: held for name, held in drives.items() if held.follows},
-            "joint_friction": known.joint_friction,
-            "payloads": known.payloads,
-            "loads": known.loads,
+            "joint_friction": machine.joint_friction,
+            "payloads": machine.payloads,
+            "loads": machine.loads,
         }
 
     @property
     def loops(self) -> str:
-        """Which joints of the loops stand and which follow, in words; empty without loops."""
+        """The joints of loops that stand and those that follow, in words; empty without loops."""
         if self.driven is None:
             return ""
         passive = ClosedLoops(self.mechanism, self.q[0], self.driven).passive
@@ -94,14 +93,14 @@ def poses_of(
     workspace: int | None = None,
     motion: Motion | None = None,
 ) -> Poses:
-    """Poses of a machine that stands: those given, or spread, or along its motion, or else one.
+    """Poses of a machine: those named, spread over its workspace, along its motion, or else one.
 
     Args:
-        machine: its motion and drive are those of a simulation, and its loops are closed where that
-            begins.
+        machine: a mechanism, or a simulation, whose motion and drives count; its loops are closed
+            where a run begins.
         named: joint positions by the name of the pose [rad or m]; others are as in `middle`.
-        workspace: number of poses spread over the limits of all joints.
-        motion: along which they are; None: that of the simulation.
+        workspace: number of poses to spread over the limits of all joints.
+        motion: motion along which to take poses; None: that of the simulation.
 
     Raises:
         JointplayError: see `at_pose`, `along_motion`, `over_workspace`.
@@ -126,8 +125,10 @@ def poses_of(
         return Poses(machine, q, "motion", label, (), times, driven)
     poses, rows = named or {"": {}}, []
     for name, positions in poses.items():
-        with _of_pose(name):
+        try:
             rows.append(at_pose(mechanism, positions, driven, near))
+        except JointplayError as error:
+            raise JointplayError(f"pose {name}: {error}" if name else str(error)) from None
     q = np.concatenate(rows)
     if len(poses) > 1:
         label = counted(len(poses), "pose")
@@ -145,7 +146,7 @@ def poses_of(
 
 
 def read_poses(mechanism: Mechanism, path: Path) -> dict[str, dict[str, float]]:
-    """Positions of joints by the name or number of a pose, of a CSV with a pose in each line.
+    """Joint positions by the name or number of a pose, from a CSV file with a pose in each line.
 
     Its header is ``<joint>,...``, or ``name,<joint>,...``; positions are in rad and m, or have a
     unit.
@@ -174,7 +175,7 @@ def read_poses(mechanism: Mechanism, path: Path) -> dict[str, dict[str, float]]:
 
 
 def read_pose(mechanism: Mechanism, text: str) -> dict[str, float]:
-    """Positions of joints [rad or m] in text such as ``JOINT=X,JOINT=X``."""
+    """Joint positions [rad or m] from text such as ``JOINT=X,JOINT=X``."""
     pose = {}
     names = mechanism.description.joints
     longest = sorted(map(re.escape, names), key=len, reverse=True)
@@ -189,18 +190,9 @@ def read_pose(mechanism: Mechanism, text: str) -> dict[str, float]:
 
 
 def _position(mechanism: Mechanism, joint: str, text: str, where: str) -> float:
-    """Position of a joint [rad or m]; errors begin with `where`."""
+    """Position of a joint [rad or m] from text; errors begin with `where`."""
     entry = mechanism.description.joints.get(joint)
     return quantity(text, "m" if entry is not None and entry.slides else "rad", where)
-
-
-@contextmanager
-def _of_pose(name: str) -> Iterator[None]:
-    """Say of errors in the block at which pose they are, if it has a name."""
-    try:
-        yield
-    except JointplayError as error:
-        raise JointplayError(f"pose {name}: {error}" if name else str(error)) from None
 
 
 def at_pose(
@@ -209,10 +201,10 @@ def at_pose(
     driven: Sequence[str] | None = None,
     near: Mapping[str, float] | None = None,
 ) -> np.ndarray:
-    """The configuration with the given joint positions [rad or m], (1, nq); else `middle`.
+    """The configuration with the given joint positions [rad or m], others `middle`, (1, nq).
 
-    Loops are closed first at the positions `near`, from which the `driven` joints go on to
-    `positions`, unless these hold others of the loops, too.
+    Loops are closed first at the positions `near`, from which the `driven` joints move on to
+    `positions`; unless these name passive joints, too, which then choose the branch.
 
     Raises:
         MissingName: no such joint.
@@ -238,7 +230,7 @@ def along_motion(
 ) -> np.ndarray:
     """Configurations along a motion at equal intervals, its waypoints among them, (n, nq).
 
-    Of loops those joints are driven that the motion moves.
+    In loops the driven joints are those that the motion moves.
 
     Raises:
         JointplayError: fewer than two poses; a pose outside the URDF's limits; loops that cannot be
@@ -261,7 +253,7 @@ def along_motion(
 
 
 def times_along(motion: Motion, count: int = ALONG) -> np.ndarray:
-    """Equal intervals over a motion, and its waypoints unless they are more, (n,) [s]."""
+    """Times at equal intervals over a motion, with its waypoints if they are no more, (n,) [s]."""
     even = np.linspace(motion.times[0], motion.times[-1], count)
     waypoints = motion.waypoints[0]
     return np.union1d(even, waypoints) if len(waypoints) <= count else even
@@ -276,9 +268,9 @@ def over_workspace(
 ) -> np.ndarray:
     """Configurations spread evenly over all joints' limits (Sobol sequence), (count, nq).
 
-    A joint without limits turns once around, one that slides without limits stays. With loops, the
-    driven joints are spread; poses in which the loops cannot be closed within the limits are left
-    out.
+    A joint that turns without limits takes one full turn, one that slides without limits stays at
+    zero. With loops, the driven joints are spread; poses in which the loops cannot be closed within
+    the limits are left out.
 
     Raises:
         JointplayError: no pose.
@@ -301,6 +293,7 @@ def over_workspace(
     if not mechanism.loops:
         return _fill(mechanism, values)
     begin = _begin(mechanism, near)
+    # Close the loops at `near`, and from there at each pose, as far as they can be closed.
     first = _fill(mechanism, np.array([[begin[name] for name in names]]))
     first = _closed(mechanism, first, driven, first[0])
     loops = ClosedLoops(mechanism, first[0], driven)
@@ -317,12 +310,13 @@ def over_workspace(
 
 
 def middle(mechanism: Mechanism) -> dict[str, float]:
-    """Zero for each joint, or the middle of its limits if zero lies outside [rad or m]."""
+    """Neutral position of each joint: zero, or the middle of its limits if zero lies outside [rad
+    or m]."""
     return {name: mechanism.description.joints[name].neutral for name in moving(mechanism)}
 
 
 def start_of(simulation: Simulation) -> dict[str, float]:
-    """Positions with which a simulation begins, as far as they are given, by coordinate."""
+    """Start positions of a simulation, as far as they are given, by coordinate."""
     begin = {name: position_and_speed(name, value)[0] for name, value in simulation.state.items()}
     return {name: value for name, value in begin.items() if value is not None}
 
@@ -330,7 +324,7 @@ def start_of(simulation: Simulation) -> dict[str, float]:
 def standing(
     mechanism: Mechanism, motion: Motion | None, near: Mapping[str, float]
 ) -> tuple[str, ...]:
-    """Joints of loops that stand: those that the motion moves, or the first that are enough.
+    """Joints of loops that stand: those that the motion moves, or the first that determine others.
 
     `near` has the positions at which loops are closed first, by joint [rad or m].
     """
@@ -359,7 +353,8 @@ def _closed(
 ) -> np.ndarray:
     """The configurations (n, nq) with their loops closed, within the limits.
 
-    From `begin` (nq,) on, closed itself, unless passive joints among those `named` say where.
+    They are closed starting from `begin` (nq,), which is closed itself; unless passive joints are
+    among those `named`: then their positions are where it starts.
     """
     if not mechanism.loops:
         return q
@@ -371,7 +366,7 @@ def _closed(
 
 
 def _outside(mechanism: Mechanism, q: np.ndarray) -> np.ndarray:
-    """Which joints of `moving` are outside their limits in configurations (n, nq), (n, joints)."""
+    """Whether joints of `moving` are outside their limits at q (n, nq), shape (n, joints)."""
     names = moving(mechanism)
     low, high = joint_limits(mechanism, names)
     values = q[:, [mechanism.coordinate(name) for name in names]]

@@ -1,18 +1,25 @@
-"""Where a machine with play can rest: without friction a place, with friction a whole set.
+"""Where a machine with play can rest: at one place without friction, in a whole set with it.
 
-Without friction a journal slides to where the potential energy is lowest. To the first order that
-is the point at which the support function of its play is attained (`joints.play`), but the axial
-torque of a load that tilts the joint does work only through the product of two tilts, as the
-drive's coupling has it, and so do the weights of all that tilts with it: where the first order
-leaves the tilt nearly open, the second decides. So `RestPositions.at` asks `simulation.statics`, as
-a run with start="rest" does.
+Without friction a journal slides to the least potential energy. To first order that is the point
+at which the support function of its play is attained (`joints.play`). But the axial torque of a
+load that tilts the joint does work only through the product of two tilts, as the drive's coupling
+has it, and so do the weights of all that tilts with it: where the first order leaves the tilt
+nearly open, the second decides. So `RestPositions.at` asks `simulation.statics`, as a run with
+start="rest" does.
 
-With Coulomb friction a journal rests wherever its contacts, each pushing within its cone of
-friction, can balance its load. For friction at given parts of the normal forces that is the state
-without friction under a load that has this friction added; all such states, the parts going through
-the cone's edge, bound the set (`_held_states`). The cones are taken as polygons around the round
-ones; loads as they change with all tilts, contacts as they deflect: what is found is on the safe
-side. Sets of several joints add up, so the tool's interval along a direction is the sum of theirs.
+With Coulomb friction a journal rests wherever its contacts, each pushing within its friction cone,
+can balance its load. Friction forces that are given fractions of the normal forces can be added to
+the load: the journal then rests where it would without friction under that sum. All such states,
+with the fractions going around the cone's edge, bound the set (`_held_states`):
+
+1. draw fractions of friction for each contact, and a first position of each journal;
+2. alternate the loads (which change with all displacements), the frictionless positions under load
+   and friction, and the normal forces there, until they agree;
+3. keep the states whose contacts can balance the actual load within their cones;
+4. add the deflection of the contacts, and map the displacements to the tool.
+
+Each round cone is replaced by a polygon around it, so what is found is on the safe side. Sets of
+several joints add up: the tool's interval along a direction is the sum of theirs.
 """
 
 from __future__ import annotations
@@ -47,54 +54,56 @@ from jointplay.simulation.motion.reference import Motion
 from jointplay.simulation.statics import StaticEquilibrium, depths, weight_curvature
 
 AGREES_M = 1e-6
-"""Distance within which `RestPositions` have the tool where a run with start="rest" begins [m]."""
+"""Largest distance between the tool of `RestPositions` and that of a run that begins at rest,
+start="rest" [m]."""
 STATES = 1296
-"""Friction states of each joint that are tried, half of them at random."""
+"""Friction states tried for each joint, half of them random."""
 _INSTANT_S = 1e-3
-"""How long the motion lasts that does not move, of which drives know gains and torques [s]."""
+"""Duration of the motion at standstill from which drives get their gains and torques [s]."""
 _STIFFER_BY_I_TERM = 1e3
-"""By how much stiffer a servo is in the end that has an I term: without end, in truth; so its sag
-is a thousandth of what it was, less than gears and contacts give way (judged)."""
+"""Factor on the stiffness of a servo with an I term, which in the end is infinitely stiff: its sag
+becomes a thousandth, less than gears and contacts give way (judged)."""
 _ANGLES = np.arange(12) * np.pi / 6.0
 _CORNERS = np.column_stack([np.cos(_ANGLES), np.sin(_ANGLES)]) / np.cos(np.pi / 12.0)
-"""Of the polygon around a round cone of friction, at most 3.5 % wider; with 16 corners so many
-states miss some ends."""
+"""Corners of the polygon around a round friction cone, at most 3.5 % wider; with 16 corners
+`STATES` states miss some ends of the set."""
 _UNBALANCED, _UNBALANCED_DRY = 0.01, 1e-5
-"""Part of a load that may be left in a state of rest, for states are not found exactly: per
-coefficient of friction, and without any. The first widens the cones by a percent, less than their
-polygons do (judged)."""
+"""Part of a load that a state of rest may leave unbalanced, as states are not found exactly: per
+coefficient of friction, and without friction. The first widens the cones by a percent, less than
+their polygons do (judged)."""
 _ROUNDS, _DAMPED = 10, 5
-"""How often friction is found from normal forces and these from friction, each time off by the
-coefficient of friction; from when on halved, lest loads swing between two ends (judged)."""
+"""Rounds that find friction from normal forces and these from friction, the error shrinking by the
+coefficient of friction each time; and the round from which loads are averaged with the last ones,
+lest they swing between two ends (judged)."""
 _SETTLED = 1e-7
-"""Change of a load, relative to it, that moves nothing: below `_LOAD_NOISE`."""
+"""Relative change of a load that moves nothing: below `_LOAD_NOISE`."""
 _UNPRESSED = 1e-9
-"""Load of a joint relative to the machine's weight and the tool's load that is rounding: of sums of
-many forces, each to 1e-16 of the largest."""
+"""Load of a joint, relative to the machine's weight and the largest load, that is rounding: sums of
+many forces, each known to 1e-16 of the largest."""
 _LOAD_NOISE = 1e-6
-"""Part of a load that is added at random, so that all ends of what it leaves open are found: far
+"""Random part added to a load, so that all ends of a freedom that it leaves open are found: far
 above rounding, far below what moves a journal that the load holds (judged)."""
 _DIRECTIONS = half_sphere(180, full=True)
-"""In which the farthest tool is sought, (180, 3)."""
+"""Directions along which the farthest tool is sought, (180, 3)."""
 _STEP = 1e-6
-"""Displacement of difference quotients [m or rad]: the second order of a place, 1e-12, and its
-rounding, 1e-16, both are small beside it."""
+"""Displacement of difference quotients [m or rad]: the second order of a position, 1e-12, and its
+rounding, 1e-16, are both small beside it."""
 
 
 class RestPlace(NamedTuple):
     """Where a machine rests without friction; NaN where no equilibrium is found."""
 
     parts: np.ndarray
-    """The tool's error by source of play, shape (j, 6) [m, rad]; NaN where plays hold each other,
-    for none moves the tool alone."""
+    """The tool's error by source of play, shape (j, 6) [m, rad]; NaN where loops tie plays to each
+    other, since none moves the tool alone."""
     error: np.ndarray
-    """The tool's error of all, exactly, shape (6,) [m, rad]."""
+    """The tool's whole error by the exact kinematics, shape (6,) [m, rad]."""
     loads: np.ndarray
-    """What each source of play bears: force and moment of the contacts on the journal about its
+    """Load on each source of play: force and moment of the contacts on the journal about its
     centre, bearing axes; torque of a gear's teeth about its axis, or force along it, shape (j, 6)
     [N, N m]."""
     sag: np.ndarray
-    """The tool's error by drives that give way, which is in `error`, shape (6,) [m, rad]."""
+    """The part of `error` that is due to drives giving way, shape (6,) [m, rad]."""
 
 
 @dataclass(frozen=True)
@@ -102,23 +111,25 @@ class RestPositions:
     """A machine with play in static equilibrium, at n poses."""
 
     mechanism: Mechanism
-    """With what it carries in hand."""
+    """The machine, with its payloads in hand."""
     q: np.ndarray
     """Configurations, journals centred and loops closed, shape (n, nq)."""
     model: ErrorModel
+    """The error by play, fits in the middle of their tolerances."""
     force: np.ndarray
-    """On the tool, world axes, shape (3,) [N]."""
+    """Force on the tool, world axes, shape (3,) [N]."""
     loads: Mapping[str, Load]
-    """All that acts beside gravity and drives, the force on the tool too, by name."""
+    """All loads besides gravity and drives, by name; the force on the tool is one of them."""
     driven: Sequence[str] | None
+    """Joints of loops that stand; None: the first that determine the others."""
     friction: float | None
-    """Coefficient of all contacts; None: the largest of each joint's own law."""
+    """Coefficient of friction of all contacts; None: the largest of each joint's own law."""
     drives: Mapping[str, Drive]
-    """Of all joints."""
+    """Drive of each joint, by name."""
     joint_friction: Mapping[str, JointFriction]
-    """Of joints, which may hold the teeth of their gears on either side."""
+    """Friction of joints, which may hold the teeth of their gears on either side."""
     second_order: np.ndarray
-    """By how much the tool at rest may be elsewhere than the Jacobians say, shape (n,) [m]."""
+    """Bound on the distance of the tool at rest from where the Jacobians have it, (n,) [m]."""
     relative_to: str | None = None
     """Body from which the tool is seen; None: the world."""
 
@@ -127,6 +138,7 @@ class RestPositions:
 
     @property
     def coefficients(self) -> dict[str, float]:
+        """Coefficient of friction of each joint with clearance."""
         if self.friction is not None:
             return dict.fromkeys(self.mechanism.clearance, self.friction)
         joints = self.mechanism.clearance.items()
@@ -134,9 +146,10 @@ class RestPositions:
 
     @property
     def unsearched(self) -> tuple[str, ...]:
-        """Joints whose whole play the interval takes: in loops, or of a kind without contacts.
+        """Joints that may be anywhere in their play in `interval`, as no states of rest are sought.
 
-        In loops only if these hold the plays together, as plane ones do not.
+        These are joints of a kind without contacts, and all of loops that tie plays to each other
+        (plane loops do not).
         """
         return tuple(
             name
@@ -145,6 +158,7 @@ class RestPositions:
         )
 
     def is_known(self, pose: int) -> bool:
+        """Whether rest and interval of a pose have been computed already."""
         return pose in self._rests and pose in self._intervals
 
     @property
@@ -156,10 +170,10 @@ class RestPositions:
         return f"friction ({text or 'none'})"
 
     def unpressed(self, pose: int) -> np.ndarray:
-        """Which sources of play bear no load at a pose, and rest anywhere, shape (j,).
+        """Which sources of play bear no load at a pose and so rest anywhere, shape (j,).
 
-        By the statics of all together: a journal that moves nothing alone, as one of two hinges of
-        a door, may bear as much as the others.
+        The loads are those of the whole machine's equilibrium: a journal that moves nothing alone,
+        such as one of a door's two hinges, may bear as much as the others.
         """
         mass = pin.computeTotalMass(self.mechanism.model)
         loads = self.at(pose).loads
@@ -169,7 +183,7 @@ class RestPositions:
         return np.asarray(sizes <= _UNPRESSED * scale)
 
     def at(self, pose: int) -> RestPlace:
-        """Where the machine rests without friction at a pose, as a run with start="rest" begins.
+        """Where the machine rests without friction at a pose: where a run with start="rest" begins.
 
         Contacts, teeth and drives deflect by their laws.
         """
@@ -181,7 +195,13 @@ class RestPositions:
         mechanism, q = self.mechanism, self.q[pose]
         names = standing_joints(mechanism, q, self.driven)
         balance = held(mechanism, q, {name: self.drives[name] for name in names}, self.loads)
-        equilibrium = balance.settle(None if mechanism.loops else self._near(pose))
+        near = None
+        if not mechanism.loops:  # the search begins at the rest that the first order predicts
+            points = self.model.subset(poses=[pose]).at_rest().point[:, 0, 0]
+            aside = dict(zip(self.model.names, points, strict=True))
+            journals = {name: xi for name, xi in aside.items() if name not in self._gears}
+            near = displaced_configuration(mechanism, q, journals)
+        equilibrium = balance.settle(near)
         if not equilibrium.solved:
             equilibrium = balance.settle()
         if not equilibrium.solved:
@@ -204,39 +224,37 @@ class RestPositions:
         return RestPlace(parts, error, np.array(bearing), self._sag(pose, names, equilibrium.q))
 
     def _sag(self, pose: int, names: Sequence[str], q_rest: np.ndarray) -> np.ndarray:
-        """The tool's error by what drives hold being elsewhere than commanded, (6,) [m, rad]."""
+        """The tool's error by drives that hold their coordinate beside the command, (6,)."""
         mechanism, q, sag = self.mechanism, self.q[pose], np.zeros(6)
-        bent = {name: q_rest[i] - q[i] for name in names if (i := self._encoder(name)) is not None}
+        bent = {}
+        for name in names:
+            encoder = getattr(self.drives[name], "encoder", None)
+            if encoder is None or name not in mechanism.description.joints:
+                continue  # prescribed
+            at = mechanism.coordinate(name) if encoder == "link" else mechanism.motor(name)
+            bent[name] = q_rest[at] - q[at]
         seen = self.driven, self.relative_to
         move = jacobians(mechanism, q[None], list(bent), {}, *seen).tool
         for columns, (name, deflection) in zip(move[:, 0], bent.items(), strict=True):
             sag += columns[:, mechanism.description.joints[name].component] * deflection
         return sag
 
-    def _encoder(self, name: str) -> int | None:
-        """Coordinate that a joint's drive holds; None where it is prescribed."""
-        encoder = getattr(self.drives[name], "encoder", None)
-        if encoder is None or name not in self.mechanism.description.joints:
-            return None
-        at = self.mechanism.coordinate if encoder == "link" else self.mechanism.motor
-        return at(name)
-
     @property
     def regulated(self) -> frozenset[str]:
-        """Joints with gears whose drives hold the link, which their encoders see, where it is."""
+        """Geared joints whose encoders see the link, which their drives hold whatever the gear."""
         gears = self.mechanism.gears
         return frozenset(n for n in gears if getattr(self.drives[n], "encoder", "") == "link")
 
     def unregulated(self, model: ErrorModel) -> ErrorModel:
-        """A model without the gears whose links drives hold where they are."""
+        """A model without the gears of `regulated` joints."""
         parts = model.contributions
         return model.subset([not c.gear or c.joint not in self.regulated for c in parts])
 
     def interval(self, pose: int) -> np.ndarray:
-        """Between which errors friction can hold the tool at a pose, to about 3 % of the width.
+        """The interval of errors in which friction can hold the tool, to about 3 % of its width.
 
-        Least and largest along world x, y, z, and its distance from the ideal one, (4, 2) [m].
-        `unsearched` joints may be anywhere within their play.
+        Least and largest error along world x, y, z, and least and largest distance from the ideal
+        tool, (4, 2) [m]. `unsearched` joints may be anywhere within their play.
         """
         if pose not in self._intervals:
             self._intervals[pose] = self._interval(pose)
@@ -252,35 +270,29 @@ class RestPositions:
         rest = self.at(pose)
         sag = np.nan_to_num(rest.sag[:3])
         least, most, near = least + sag, most + sag, near + directions @ sag
-        # The farthest point lies at most this angle beside a direction that is looked at.
+        # The farthest point lies at most this angle beside one of the directions [rad].
         widest = 2.2 / np.sqrt(len(directions))
         away = (far + directions @ sag).max() / np.cos(widest)
         away = min(away, np.linalg.norm(sag) + far.max() / np.cos(widest))
         nearest, farthest = max(near.max() - more, 0.0), away + more
         ends = np.array([np.append(least, nearest), np.append(most, farthest)]).T
-        place = rest.error[:3]  # no friction is a friction within the cone
+        place = rest.error[:3]  # zero friction lies within the cones, too
         frictionless = np.append(place, np.linalg.norm(place))
         ends[:, 0] = np.fmin(ends[:, 0], frictionless)
         ends[:, 1] = np.fmax(ends[:, 1], frictionless)
         return ends
 
-    def _near(self, pose: int) -> np.ndarray:
-        """The configuration at rest by the first order, from where the search begins."""
-        points = self.model.subset(poses=[pose]).at_rest().point[:, 0, 0]
-        aside = dict(zip(self.model.names, points, strict=True))
-        displacements = {name: xi for name, xi in aside.items() if name not in self._gears}
-        return displaced_configuration(self.mechanism, self.q[pose], displacements)
-
     @property
     def _gears(self) -> set[str]:
+        """Names of the sources of play that are gears."""
         return {name + GEAR for name in self.mechanism.gears}
 
     def _component(self, gear: str) -> int:
-        """Component in which a gear's joint moves."""
+        """Component of a displacement along which a gear's joint moves."""
         return self.mechanism.description.joints[gear.removesuffix(GEAR)].component
 
     def _displacement(self, name: str, pose: int, q_rest: np.ndarray) -> np.ndarray:
-        """Displacement of a source of play, as its set has it, from a pose to `q_rest` (nq,)."""
+        """Displacement of a source of play from a pose to `q_rest` (nq,), shape (6,) [m, rad]."""
         mechanism, q = self.mechanism, self.q[pose]
         xi = np.zeros(6)
         if name in self._gears:
@@ -301,11 +313,11 @@ class RestPositions:
         return np.where([part in joint.ideal_freedoms for part in RELATIVE], 0.0, xi)
 
     def _clouds(self, pose: int) -> list[np.ndarray]:
-        """The tool's errors in states in which friction holds, of each source of play (m, 3)."""
+        """The tool's errors in the states of rest of each source of play, (m, 3) each [m]."""
         plays = self.model.subset(poses=[pose])
         move = plays.jacobian[:, 0, :3]
         errors: dict[str, np.ndarray] = {}
-        grip: dict[str, float] = {}
+        grip: dict[str, float] = {}  # friction of a journal about, or along, its joint's axis
         if not plays.tied:
             unpressed = dict(zip(plays.names, self.unpressed(pose), strict=True))
             names = [name for name in plays.names if name not in self._gears]
@@ -334,6 +346,8 @@ class RestPositions:
                     place = self.at(pose).parts[j : j + 1, :3]
                     if not np.isnan(place).any():
                         errors[name] = place
+        # The teeth of a gear bear the load, more or less by what friction takes of it: they are
+        # wound up to one side, or lie anywhere in the backlash if friction can balance the load.
         for j, name in enumerate(plays.names):
             if name in self._gears:
                 joint_name = name.removesuffix(GEAR)
@@ -346,19 +360,22 @@ class RestPositions:
                 resists = grip.get(joint_name, 0.0) + losses.coulomb + losses.excess
                 ends = np.array([load - resists, load + resists])
                 gear = self.mechanism.gears[joint_name]
-                held = gear.bristles[0] * np.array([-1.0, 1.0])
-                angle = gear.wound_up(ends + held)
+                bristles = gear.bristles[0] * np.array([-1.0, 1.0])
+                angle = gear.wound_up(ends + bristles)
                 if ends[0] <= 0.0 <= ends[1]:
                     angle = np.array([-half, half])
                 errors[name] = np.outer(angle, move[j][:, component])
-        if len(errors) < len(plays.names):  # loops, an own kind, no load: anywhere within the play
+        # The others (tied by loops, of a kind without contacts, without load) rest anywhere.
+        if len(errors) < len(plays.names):
             directions = np.vstack([np.eye(3), -np.eye(3), _DIRECTIONS])
             anywhere = plays.along(directions[None]).error[:, 0, :, :3]
             errors = {**dict(zip(plays.names, anywhere, strict=True)), **errors}
         return [errors[name] for name in plays.names]
 
     def _curvature(self, pose: int, names: Sequence[str]) -> np.ndarray:
-        """How loads fall with displacements: the energy's curvature, shape (6 j, 6 j)."""
+        """Curvature of the potential energy by displacements of the journals, (6 j, 6 j): what
+        their loads lose per displacement. Zero with loops.
+        """
         mechanism, q = self.mechanism, self.q[pose]
         if mechanism.loops:
             return np.zeros((6 * len(names), 6 * len(names)))
@@ -383,7 +400,7 @@ class RestPositions:
 
 
 def standing_joints(mechanism: Mechanism, q: np.ndarray, driven: Sequence[str] | None) -> list[str]:
-    """Joints that drives hold: all but those that follow in closed loops."""
+    """Joints that drives hold: all but those that follow in closed loops, by name."""
     names = list(mechanism.joints)
     if mechanism.loops:
         passive = set(ClosedLoops(mechanism, q, driven).passive)
@@ -394,14 +411,19 @@ def standing_joints(mechanism: Mechanism, q: np.ndarray, driven: Sequence[str] |
 def held(
     mechanism: Mechanism, q: np.ndarray, drives: Mapping[str, Drive], loads: Mapping[str, Load]
 ) -> StaticEquilibrium:
-    """A machine that drives hold by name, in configuration q (nq,), under loads.
+    """The static equilibrium of a machine whose `drives`, by joint, hold it at q (nq,) under loads.
 
-    What the I term of a servo does in the end is done.
+    Servos with an I term are as stiff as that makes them in the end.
     """
     at, nothing = [mechanism.coordinate(name) for name in drives], np.zeros(mechanism.model.nv)
     names = list(drives)
     motion = Motion(names, [0.0, _INSTANT_S], np.array([q[at], q[at]])) if names else None
-    final = {name: _in_the_end(drive) for name, drive in drives.items()}
+    final = {
+        name: replace(drive, p_gain=_STIFFER_BY_I_TERM * drive.p_gain, i_gain=0.0)
+        if isinstance(drive, Servo) and drive.i_gain
+        else drive
+        for name, drive in drives.items()
+    }
     holding = assign(mechanism, motion, final)
     tables, _, reference = tabulate(mechanism, motion, holding, _INSTANT_S, {}, q)
     return StaticEquilibrium(
@@ -410,18 +432,11 @@ def held(
     )  # fmt: skip
 
 
-def _in_the_end(drive: Drive) -> Drive:
-    """A servo whose I term has taken back all beyond the dead band."""
-    if not (isinstance(drive, Servo) and drive.i_gain):
-        return drive
-    return replace(drive, p_gain=_STIFFER_BY_I_TERM * drive.p_gain, i_gain=0.0)
-
-
 def _coordinates(mechanism: Mechanism, q: np.ndarray, name: str) -> np.ndarray:
-    """What the displacement of a journal of the tree adds to q, shape (nq, 6)."""
+    """Change of q per displacement of a journal of the tree, by differences, shape (nq, 6)."""
     moved = [displaced_configuration(mechanism, q, {name: _STEP * xi}) - q for xi in np.eye(6)]
     columns = np.array(moved).T / _STEP
-    columns[np.abs(columns) < 10.0 * _STEP] = 0.0
+    columns[np.abs(columns) < 10.0 * _STEP] = 0.0  # the second order of the differences
     joint = mechanism.clearance[name]
     for k, part in enumerate(RELATIVE):
         if part in joint.ideal_freedoms or part not in joint.freedoms:
@@ -432,16 +447,18 @@ def _coordinates(mechanism: Mechanism, q: np.ndarray, name: str) -> np.ndarray:
 def _held_states(
     plays: ErrorModel, friction: Sequence[float], curvature: np.ndarray
 ) -> tuple[list[np.ndarray], list[Pressed | None], list[np.ndarray]]:
-    """Displacements (m, 6) of each journal in states in which friction holds it, contacts, and the
-    loads (m, 6) that these bear without their friction.
+    """States in which friction holds journals at one pose that no loop ties to each other.
 
-    Of journals at one pose, which do not hold each other; by their loads' fall with their
-    displacements, (6 j, 6 j).
+    `curvature` is what loads lose per displacement, (6 j, 6 j).
+
+    Returns:
+        Of each journal its displacements (m, 6), its contacts, and the loads (m, 6) under which the
+        contacts would hold it there without friction.
     """
     random = np.random.default_rng(0)
     sets = [loop_play.ended(play) for play in plays.plays]
     bare = plays.load[:, 0]
-    disturbed, points, contacts, rubs = [], [], [], []
+    disturbed, points, contacts, fractions = [], [], [], []
     for play, alone, coefficient in zip(sets, bare, friction, strict=True):
         arm = _arm(play)
         size = np.linalg.norm(alone[:3]) + np.linalg.norm(alone[3:5]) / arm
@@ -451,10 +468,11 @@ def _held_states(
         points.append(play.support(noise).point)
         contacts.append(play.pressed(load, play.support(load).point))
         k = 0 if contacts[-1] is None else len(contacts[-1].contact)
-        rubs.append(coefficient * _directions(k, random))
+        fractions.append(coefficient * _cone_points(k, random))
     loads = [load.copy() for load in disturbed]
-    # Half of them follow the load as it turns with the tilt, which does not find the states that
-    # this leads away from; the others, of loads as they are anywhere, are sorted out below.
+    # Half of the states follow their load as it turns with the tilt, which misses states from which
+    # this leads away. The others keep the load of their first, random position; those of them that
+    # do not balance the load where they end are sorted out below.
     follows = np.arange(STATES) % 2 == 0
     for turn in range(_ROUNDS):
         falls = np.concatenate(points, axis=1) @ curvature
@@ -465,12 +483,12 @@ def _held_states(
             now = contacts[j]
             if now is None:
                 continue
-            load = disturbed[j] - falls[:, 6 * j : 6 * j + 6] + _rubbing(now, rubs[j])
+            load = disturbed[j] - falls[:, 6 * j : 6 * j + 6] + _friction(now, fractions[j])
             load = load if turn < _DAMPED else 0.5 * (loads[j] + load)
             scale = np.array([1.0] * 3 + [1.0 / _arm(play)] * 3)
             away = np.linalg.norm((load - loads[j]) * scale, axis=1)
             moves = away > _SETTLED * np.linalg.norm(load * scale, axis=1)
-            moves |= turn == 0  # from points that no load led to
+            moves |= turn == 0  # the first points are random, not those of any load
             if not moves.any():
                 continue
             loads[j][moves] = load[moves]
@@ -483,8 +501,8 @@ def _held_states(
         now = contacts[j]
         if now is not None:
             load = bare[j] - falls[:, 6 * j : 6 * j + 6]
-            balanced = _balanced(load, now, rubs[j], friction[j], _arm(play))
-            # None is left if a tilt swings between two ends of what is nearly open.
+            balanced = _balanced(load, now, fractions[j], friction[j], _arm(play))
+            # None balances if a tilt swings between two ends of a freedom that is nearly open.
             if not balanced.any() and friction[j] > 0.0:
                 balanced[follows] = True
             points[j], loads[j] = points[j][balanced], loads[j][balanced]
@@ -493,39 +511,40 @@ def _held_states(
     return points, results, loads
 
 
-def _rubbing(contacts: Pressed, rubs: np.ndarray) -> np.ndarray:
-    """What friction of parts `rubs` (n, k, 2) of the normal forces exerts, shape (n, 6)."""
-    n = len(rubs)
-    parts = (contacts.force[:, :, None] * rubs).reshape(n, 1, -1)
-    return np.asarray((parts @ contacts.across.reshape(n, -1, 6))[:, 0])
+def _friction(contacts: Pressed, fractions: np.ndarray) -> np.ndarray:
+    """Wrench of friction forces that are fractions (n, k, 2) of the normal forces, (n, 6)."""
+    n = len(fractions)
+    forces = (contacts.force[:, :, None] * fractions).reshape(n, 1, -1)
+    return np.asarray((forces @ contacts.across.reshape(n, -1, 6))[:, 0])
 
 
 def _balanced(
-    loads: np.ndarray, contacts: Pressed, rubs: np.ndarray, friction: float, arm: float
+    loads: np.ndarray, contacts: Pressed, fractions: np.ndarray, friction: float, arm: float
 ) -> np.ndarray:
-    """Whether contacts within their cones of friction can balance loads (n, 6), shape (n,).
+    """Whether contacts within their friction cones can balance loads (n, 6), shape (n,).
 
-    Where their own forces with the friction of parts `rubs` (n, k, 2) do not.
+    The forces already known, with friction of `fractions` (n, k, 2), are tried first; where they
+    do not balance, the distance of the load from all cones together is found.
     """
     rows = list(contacts.borne)
     weight = np.array([1.0] * 3 + [1.0 / arm] * 3)[rows]
     right = loads[:, rows] * weight
     size = np.maximum(np.linalg.norm(right, axis=1), 1e-300)
     most = (_UNBALANCED * friction + _UNBALANCED_DRY) * size
-    exerted = (contacts.force[:, None] @ contacts.normal)[:, 0] + _rubbing(contacts, rubs)
+    exerted = (contacts.force[:, None] @ contacts.normal)[:, 0] + _friction(contacts, fractions)
     near = np.linalg.norm(right + exerted[:, rows] * weight, axis=1) <= most
     unsure = np.flatnonzero(~near)
     if len(unsure) and len(contacts.contact):
         edges = -_cone_edges(contacts.subset(unsure), friction)[:, :, rows] * weight
         from scipy.optimize import nnls  # takes long to import
 
-        for i, spanned in zip(unsure, edges, strict=True):  # how far it is from the cones
+        for i, spanned in zip(unsure, edges, strict=True):
             near[i] = nnls(spanned.T, right[i])[1] <= most[i]
     return np.asarray(near & contacts.touching.any(axis=1))
 
 
 def _cone_edges(contacts: Pressed, friction: float) -> np.ndarray:
-    """Edges of the cones of friction of all contacts, zero of those that do not touch (n, m, 6)."""
+    """Edges of the friction cones of all contacts, zero for those that do not touch, (n, m, 6)."""
     cones = contacts.normal[:, :, None] + friction * np.einsum(
         "ci,nkid->nkcd", _CORNERS if friction > 0.0 else np.zeros((1, 2)), contacts.across
     )
@@ -533,7 +552,7 @@ def _cone_edges(contacts: Pressed, friction: float) -> np.ndarray:
     for k in range(cones.shape[1]):
         columns = np.where(contacts.touching[:, k, None, None], cones[:, k], 0.0)
         if contacts.patch[:, k].any():
-            # Anywhere within a square around the face.
+            # A flat face may push anywhere within its circle; a square around it has four corners.
             places = np.sqrt(2.0) * np.array([[1, 0, 0], [0, 1, 0], [-1, 0, 0], [0, -1, 0]])
             arms = contacts.patch[:, k, None, None] * places
             columns = np.repeat(columns[:, None], len(places), axis=1)
@@ -544,21 +563,24 @@ def _cone_edges(contacts: Pressed, friction: float) -> np.ndarray:
 
 
 def _arm(play: Play) -> float:
-    """A length by which angles of a play compare with its displacements [m]."""
+    """Length that makes the angles of a play comparable with its displacements [m]."""
     aside, angle = play.reach
     return max(aside / angle, 1e-9) if angle > 0.0 else 1.0
 
 
-def _directions(count: int, random: np.random.Generator) -> np.ndarray:
-    """Parts of the full friction of each contact along two tangents, shape (m, k, 2)."""
-    some = np.vstack([np.zeros(2), _CORNERS])
+def _cone_points(count: int, random: np.random.Generator) -> np.ndarray:
+    """Friction of `count` contacts along two tangents, as parts of the full one, (m, k, 2).
+
+    The first half of the states goes through the corners of the cones, the second is drawn inside.
+    """
     if count == 0:
         return np.zeros((STATES, 0, 2))
-    choice = random.integers(0, len(some), (STATES, count))
-    # Every pair of the first two, which in a journal are its rims.
-    pairs = np.array(list(product(range(len(some)), repeat=min(count, 2))))
+    corners = np.vstack([np.zeros(2), _CORNERS])
+    choice = random.integers(0, len(corners), (STATES, count))
+    # Every pair of corners of the first two contacts, which in a journal are its rims.
+    pairs = np.array(list(product(range(len(corners)), repeat=min(count, 2))))
     choice[:, : pairs.shape[1]] = np.resize(pairs, (STATES, pairs.shape[1]))
-    chosen = some[choice]
+    chosen = corners[choice]
     size = np.sqrt(random.uniform(0.0, 1.0, (STATES // 2, count, 1)))
     angle = random.uniform(0.0, 2.0 * np.pi, (STATES // 2, count, 1))
     chosen[STATES // 2 :] = size * np.concatenate([np.cos(angle), np.sin(angle)], axis=2)
@@ -568,26 +590,23 @@ def _directions(count: int, random: np.random.Generator) -> np.ndarray:
 def deflected(
     joint: Clearance, loads: np.ndarray, points: np.ndarray, contacts: Pressed | None
 ) -> np.ndarray:
-    """Where journals at the ends of their play, (m, 6), are when what holds them deflects.
+    """Positions (m, 6) of journals, given those at the ends of their play, as contacts deflect.
 
     In a rolling bearing several elements share a load by how they give way, so that forces of rigid
-    ones say nothing about a lean: its own law finds the place.
+    ones say nothing about a lean: its own law finds the position.
     """
     if isinstance(joint, RollingBearing):
         side = -1.0 if joint.exchanged else 1.0
         return side * joint.rests(side * loads)[0]
-    return points if contacts is None else points + _compliance_shift(joint, contacts)
-
-
-def _compliance_shift(joint: Clearance, contacts: Pressed) -> np.ndarray:
-    """Displacements of journals by the deflection of their contacts, (m, 6)."""
+    if contacts is None:
+        return points
     deep = np.zeros_like(contacts.force)
     for k, contact in enumerate(contacts.contact):
         if contact < len(joint.contacts):
             deep[:, k] = depths(joint, contact, contacts.force[:, k])
+    # The least displacement, angles weighed by the joint's size, by which each contact deflects.
     rows = np.where((contacts.force > 0.0)[:, :, None], -contacts.normal, 0.0)
-    reach = joint.half_width
-    weight = np.array([1.0] * 3 + [1.0 / reach] * 3)
+    weight = np.array([1.0] * 3 + [1.0 / joint.half_width] * 3)
     inverse = np.linalg.pinv(rows * weight, rcond=1e-6)
     shifts: np.ndarray = (inverse @ deep[..., None])[..., 0] * weight
-    return shifts
+    return points + shifts

@@ -1,6 +1,7 @@
-"""Errors of a robot besides play: of all joints and of single ones, and what classes have of them.
+"""Errors of a robot besides play: of all its joints, of single ones, and typical of a class.
 
-Nothing of a class was measured on a robot: its numbers are assumed, and whatever uses them says so.
+The numbers of a class are assumed, not measured on any robot, and every answer that uses them says
+so.
 """
 
 from __future__ import annotations
@@ -22,28 +23,28 @@ CLASSES = ("calibrated-industrial", "industrial", "printed")
 
 @dataclass(frozen=True, kw_only=True)
 class JointErrors(Described):
-    """Errors of one joint besides its play; what is not given is that of the robot."""
+    """Errors of one joint besides its play; numbers not given are those of the robot."""
 
     encoder: OptionalQuantity = quantity("rad", "m", default=None, least=0.0, label="resolution")
     """Resolution of the encoder, at the joint [rad or m]."""
     zero_offset: OptionalQuantity = quantity(
         "rad", "m", default=None, least=0.0, label="zero offset"
     )
-    """How far the encoder's zero may be off, either way [rad or m]."""
+    """Largest error of the encoder's zero, to either side [rad or m]."""
     gear_error: OptionalQuantity = quantity("rad", "m", default=None, least=0.0, label="gear error")
-    """Amplitude of the gear's own error [rad or m]."""
+    """Amplitude of the gear's transmission error [rad or m]."""
     axis_offset: OptionalQuantity = quantity("m", default=None, least=0.0, label="axis offset")
-    """How far the axis may be off along each of x, y, z, either way [m]."""
+    """Largest offset of the axis along each of x, y, z, to either side [m]."""
     axis_tilt: OptionalQuantity = quantity("rad", default=None, least=0.0, label="axis tilt")
-    """How far it may be tilted about x and y, either way [rad]."""
+    """Largest tilt of the axis about x and y, to either side [rad]."""
     heating: OptionalQuantity = quantity("K", default=None, least=0.0, label="heating")
-    """By how much its link may become warmer [K]."""
+    """Largest rise of its link's temperature [K]."""
     torsional_stiffness: OptionalQuantity = quantity("N*m/rad", "N/m", default=None, above=0.0)
-    """About (along) the axis, of gear and shaft [N m/rad or N/m]; if not given, a gear's own, or by
-    a rule."""
+    """Stiffness of gear and shaft about (along) the axis [N m/rad or N/m]; if not given, that of
+    the gear, or by a rule."""
     elasticity: Elasticity | None = None
-    """Of housings and links at the joint, besides its bearing's; free in the direction in which the
-    joint moves. Of a joint without bearing, if not given, the robot's
+    """Elasticity of housings and links at the joint, besides its bearing's; free in the direction
+    in which the joint moves. Without it, a joint without bearing has the robot's
     ``tilt_stiffness``."""
 
     def __post_init__(self) -> None:
@@ -52,33 +53,34 @@ class JointErrors(Described):
 
 @dataclass(frozen=True, kw_only=True)
 class RobotErrors(Described):
-    """Errors of all joints of a robot besides play, and of single ones; else those of a class."""
+    """Errors of a robot's joints besides play, all together and single ones, or of a class."""
 
     assumed: str | None = choice("class of errors", CLASSES, default=None)
-    """Class of robots from which all that is not given is assumed: ``calibrated-industrial``,
+    """Class of robots whose numbers are assumed where none are given: ``calibrated-industrial``,
     ``industrial`` or ``printed``."""
     encoder: OptionalQuantity = quantity("rad", default=None, least=0.0, label="resolution")
     """Resolution of the encoders of joints that turn, at the joint [rad]."""
     zero_offset: OptionalQuantity = quantity("rad", default=None, least=0.0, label="zero offset")
-    """How far their zeros may be off, either way [rad]."""
+    """Largest error of these encoders' zeros, to either side [rad]."""
     gear_error: OptionalQuantity = quantity("rad", default=None, least=0.0, label="gear error")
-    """Amplitude of the error of their gears [rad]."""
+    """Amplitude of the transmission error of gears of joints that turn [rad]."""
     axis_offset: OptionalQuantity = quantity("m", default=None, least=0.0, label="axis offset")
-    """How far each axis may be off along each of x, y, z, either way [m]."""
+    """Largest offset of each axis along each of x, y, z, to either side [m]."""
     axis_tilt: OptionalQuantity = quantity("rad", default=None, least=0.0, label="axis tilt")
-    """How far it may be tilted about x and y, either way [rad]."""
+    """Largest tilt of each axis about x and y, to either side [rad]."""
     heating: OptionalQuantity = quantity("K", default=None, least=0.0, label="heating")
-    """By how much links may become warmer [K]."""
+    """Largest rise of the links' temperature [K]."""
     expansion: OptionalQuantity = quantity("1/K", default=None, least=0.0, label="expansion")
-    """By how much they grow [1/K]."""
+    """Coefficient of thermal expansion of the links [1/K]."""
     stiffness_spread: OptionalQuantity = quantity("", default=None, least=0.0, label="spread")
-    """Relative uncertainty of all stiffnesses, either way."""
+    """Relative uncertainty of all stiffnesses, to either side."""
     tilt_stiffness: OptionalQuantity = quantity("N*m/rad", default=None, above=0.0)
-    """In tilt, of joints without bearing or clearance of their own [N m/rad]."""
+    """Stiffness in tilt of joints without bearing or clearance of their own [N m/rad]."""
     torsional_stiffness: OptionalQuantity = quantity("N*m/rad", default=None, above=0.0)
-    """About the axes of joints that turn without gear [N m/rad]; by a rule if not given."""
+    """Stiffness about the axes of joints that turn without gear [N m/rad]; if not given, by a
+    rule."""
     joints: Mapping[str, JointErrors] = field(default_factory=dict)
-    """What differs at single joints."""
+    """Errors that differ at single joints."""
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -104,11 +106,11 @@ ERROR_CLASSES: Mapping[str, RobotErrors] = {
     name: RobotErrors(**{key: values[k] for key, values in _ASSUMED.items()})
     for k, name in enumerate(CLASSES)
 }
-"""Errors besides play of robots of which nothing else is known: assumed, of no source."""
+"""Errors besides play by class of robots, for lack of other knowledge: assumed, of no source."""
 
 
 def refuse_misfit(errors: RobotErrors, mechanism: Mechanism) -> None:
-    """Refuse errors of joints that there are not, and springs of another kind of joint."""
+    """Refuse errors of unknown joints, and elasticities of another kind of joint."""
     for name, joint_errors in errors.joints.items():
         require_known("joint", name, mechanism.joints, where=("joints", name))
         slides = mechanism.description.joints[name].slides

@@ -1,8 +1,9 @@
-"""Results and mechanisms out to other programs: tables, bags, simulators.
+"""Bridges to other programs: results as tables and bags, mechanisms for simulators and firmware.
 
-Each kind of file is an `ExportKind` of one function that turns a result into bytes; `export` names
-it, thins the records and writes the file whole or not at all. Libraries that only one kind needs
-are extras, imported when it is asked for. Nothing here computes what it writes.
+Each kind of result file is an `ExportKind` with one function that turns a result into bytes;
+`export` chooses the kind, thins the records, and writes the file whole or not at all. Libraries
+that only one kind needs are extras, imported when that kind is written. Writers of results compute
+nothing; what a simulator gets is fitted in `reduction`.
 """
 
 from __future__ import annotations
@@ -21,17 +22,18 @@ if TYPE_CHECKING:
     from jointplay.simulation.result.result import Result
 
 Maker = Callable[..., bytes]
-"""From a result, the file's suffix and whether to show progress to the file's content."""
+"""Function of a result, the file's suffix, and whether to show progress: returns the content."""
 
 
 @dataclass(frozen=True)
 class ExportKind:
-    """A kind of file that results are written to."""
+    """A kind of file to which results are written."""
 
     maker: str
-    """Module and name of its `Maker`."""
+    """Its `Maker`, as ``module:function``."""
     suffixes: tuple[str, ...]
     about: str
+    """What it holds, for help texts."""
 
 
 EXPORT_KINDS = {
@@ -57,12 +59,12 @@ def export(
     overwrite: bool = False,
     progress: bool = False,
 ) -> Path:
-    """Write a result for other programs; the file.
+    """Write a result for other programs; returns the file's path.
 
     Args:
         path: the file; its ending must be one of the kind's.
-        to: one of `EXPORT_KINDS`; None tells it by the file's ending (.csv is the table).
-        every: only each n-th record and the last; peaks keep what lies between.
+        to: one of `EXPORT_KINDS`; None: by the file's ending (.csv is the table).
+        every: write only each n-th record and the last; peaks still cover what lies between.
 
     Raises:
         JointplayError: no such kind, a wrong ending, the file exists or cannot be written, or a
@@ -77,7 +79,10 @@ def export(
 
 
 def check(path: str | Path, to: str | None = None, overwrite: bool = False) -> str:
-    """Kind of file that `path` will be; refuses what cannot be written, before any work is done."""
+    """Kind of file that `path` will be; raises an error, before any work, if it cannot be written.
+
+    Arguments and errors are those of `export`.
+    """
     path = Path(path)
     suffix = path.suffix.lower()
     if to is None:
@@ -97,7 +102,7 @@ def check(path: str | Path, to: str | None = None, overwrite: bool = False) -> s
 
 
 def in_blocks(number: int, size: int, label: str, progress: bool) -> Iterator[slice]:
-    """Blocks of so many records, with a bar."""
+    """Yield slices of `size` records that cover `number` of them, with a progress bar."""
     from jointplay.base.progress import ProgressBar
 
     with ProgressBar(desc=label, total=number, disable=not progress, unit="record") as bar:

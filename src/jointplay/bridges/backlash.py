@@ -1,21 +1,21 @@
-"""What firmware can take of lost motion: a table or a number for each joint.
+"""Backlash compensation in firmware: lost motion as a table or a number for each joint.
 
-All of it goes by the sign of the commanded speed: none can say payload, acceleration, or on which
-side a joint rests. So a joint whose teeth never change sides gets nothing: the rule would only
-move it. Seen: LinuxCNC, docs/src/config/ini-config.adoc at commit 0052c79; Marlin,
+All firmwares compensate by the sign of the commanded speed; none knows payload, acceleration, or
+the side on which a joint rests. So a joint whose teeth never change sides gets no entry: the rule
+would only move it. Sources: LinuxCNC, docs/src/config/ini-config.adoc at commit 0052c79; Marlin,
 Marlin/src/gcode/calibrate/M425.cpp at commit 00ebfe5; Klipper,
 klippy/extras/backlash_compensation.py at commit 8503b63 of pull request 7259, a draft; grblHAL,
 settings.h of grblHAL/core at commit f80fc34 ($160 and following, where config.h has
 ENABLE_BACKLASH_COMPENSATION on, which is off by default); Smoothieware, pull request 1543, open
-(built with BACKLASH=1). FluidNC has none ("can make things worse", issue 756). Of a CoreXY machine
-both motors turn for X and for Y, and Marlin, Klipper and Smoothieware have numbers of axes: none of
-these files holds there.
+(built with BACKLASH=1). FluidNC has none ("can make things worse", issue 756). In a CoreXY machine
+both motors turn for X and for Y, while Marlin, Klipper and Smoothieware have numbers of axes: none
+of these files is right there.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -30,42 +30,42 @@ if TYPE_CHECKING:
     from jointplay.model.mechanism import Mechanism
 
 LINES = 65
-"""Lines of a table; LinuxCNC takes at most 256 a joint."""
+"""Lines of a table; LinuxCNC takes at most 256 for a joint."""
 FILES = ("yaml", "mcap", "table")
-"""Of a corrected motion: for ROS 2, and the correction by joint, direction and load."""
+"""Files of a corrected motion: two for ROS 2, and the correction by joint, direction and load."""
 _LETTERS = "axes X, Y and Z that slide"
 _LOST = "the side a joint rests on, payload and acceleration"
 
 
 @dataclass(frozen=True)
 class Reversals:
-    """What joints lose where they turn back."""
+    """Lost motion of joints at reversals."""
 
     joints: tuple[str, ...]
-    """All that move, in their order."""
+    """All moving joints, in their order."""
     sliding: tuple[str, ...]
     """Those of them that slide."""
     lost: Mapping[str, float]
-    """Of those whose teeth change sides, the whole of it [rad or m]."""
+    """Lost motion of the joints whose teeth change sides, from flank to flank [rad or m]."""
     tables: Mapping[str, np.ndarray] = field(default_factory=dict)
-    """By joint, where a motion was corrected: place, and how far the link lags when it is come to
-    upwards and downwards, (n, 3) [rad or m]."""
+    """By joint, for a corrected motion: position, and the shift that corrects the link's lag there
+    when moving upwards and downwards, (n, 3) [rad or m]."""
 
     @classmethod
     def of(cls, mechanism: Mechanism, lost: Mapping[str, float]) -> Reversals:
-        """Of lost motion that was measured [rad or m]."""
+        """Reversals of a mechanism with measured lost motion [rad or m]."""
         joints, entries = tuple(mechanism.joints), mechanism.description.joints
         return cls(joints, tuple(name for name in joints if entries[name].slides), lost)
 
     @property
     def letters(self) -> dict[str, str]:
-        """Letters of the axes that slide and lose motion."""
+        """Axis letters of the sliding joints that lose motion."""
         letters = axis_letters(self.sliding)
         return {name: letters[name] for name in letters if name in self.lost}
 
     @property
     def numbers(self) -> dict[str, int]:
-        """Of the axes that lose motion, X to C from 0 on: by their letters, else by their order."""
+        """Axis numbers of the joints that lose motion: 0 to 2 for X to Z, else by their order."""
         letters = axis_letters(self.sliding)
         return {
             name: "XYZ".index(letters[name]) if name in letters else self.joints.index(name)
@@ -73,24 +73,24 @@ class Reversals:
         }
 
     def size(self, joint: str) -> float:
-        """What a joint loses, in mm or degrees, as firmware counts."""
+        """Lost motion of a joint, in mm or degrees, as firmware counts."""
         return _in_unit(self.lost[joint], joint in self.sliding)
 
 
 @dataclass(frozen=True)
 class Format:
-    """One firmware's, by its word."""
+    """The compensation that one firmware knows."""
 
     write: Callable[[Reversals], dict[str, str]]
-    """Texts by name of the file."""
+    """Function that returns the texts of its files by name."""
     lost: str
-    """What it cannot say."""
+    """What it cannot represent."""
     axes: str = ""
-    """Which it knows, if not all."""
+    """The axes that it knows, if not all."""
 
 
 def corrected(compensation: Compensation) -> Reversals:
-    """What the gears of a corrected motion lose that change sides in it."""
+    """Lost motion of the gears that change sides in a corrected motion, with their tables."""
     mechanism = compensation.simulation.mechanism
     motion = compensation.simulation.motion
     assert motion is not None
@@ -104,16 +104,14 @@ def corrected(compensation: Compensation) -> Reversals:
         nominal = np.linspace(q.min(), q.max(), LINES)
         columns = [_mean(nominal, q[sign * v > STILL], shift[sign * v > STILL]) for sign in (1, -1)]
         tables[name] = np.column_stack([nominal, *columns])
-    entries = mechanism.description.joints
-    joints = tuple(mechanism.joints)
-    return Reversals(joints, tuple(n for n in joints if entries[n].slides), lost, tables)
+    return replace(Reversals.of(mechanism, lost), tables=tables)
 
 
 def tables(reversals: Reversals, name: str) -> dict[str, str]:
     """Files for a firmware of `FORMATS`, by name.
 
     Raises:
-        JointplayError: it has no compensation; no joint that it knows changes sides.
+        JointplayError: the firmware has no compensation, or no joint that it knows changes sides.
     """
     if name == "fluidnc":
         raise JointplayError(
@@ -121,18 +119,18 @@ def tables(reversals: Reversals, name: str) -> dict[str, str]:
         )
     if not reversals.lost:
         raise JointplayError(
-            f"nothing to tell {name}: no gear's teeth change sides, and its rule goes by reversals"
+            f"no compensation for {name}: it acts at reversals, and no gear's teeth change sides"
         )
     files = FORMATS[name].write(reversals)
     if not files:
         raise JointplayError(
-            f"nothing to tell {name}, which knows {FORMATS[name].axes}: none of them changes sides"
+            f"no compensation for {name}: it knows {FORMATS[name].axes}, and none changes sides"
         )
     return files
 
 
 def refuse_unwritten(names: Collection[str], known: Collection[str], folder: str | None) -> None:
-    """Refuse formats that are not known, or for which there is no folder."""
+    """Raise a JointplayError for an unknown format, or if there is no folder for the files."""
     for name in names:
         require_known("format", name, known)
     if names and not folder:
@@ -140,7 +138,7 @@ def refuse_unwritten(names: Collection[str], known: Collection[str], folder: str
 
 
 def tables_of(reversals: Reversals, names: Iterable[str]) -> tuple[dict[str, str], list[str]]:
-    """Files for several firmwares, by name; what each cannot say, or why there is none for it."""
+    """Files for several firmwares by name, and notes on what each cannot say or why it has none."""
     contents: dict[str, str] = {}
     notes = []
     for name in names:
@@ -155,9 +153,9 @@ def tables_of(reversals: Reversals, names: Iterable[str]) -> tuple[dict[str, str
 def corrected_files(
     compensation: Compensation, names: Collection[str]
 ) -> tuple[dict[str, Any], list[str]]:
-    """Files of a corrected motion beside its CSV, by name, and what is lost in them.
+    """Files of a corrected motion beside its CSV, by name, and notes on what they cannot say.
 
-    `names`: of `FILES` and `FORMATS`.
+    `names`: some of `FILES` and `FORMATS`.
     """
     from jointplay.accuracy.compensation import table_for_controllers
     from jointplay.bridges import bag
@@ -176,12 +174,12 @@ def corrected_files(
 
 
 def _in_unit(value: float, slides: bool) -> float:
-    """In mm or degrees, as firmware counts."""
+    """A value in mm or degrees, as firmware counts [m or rad]."""
     return 1e3 * value if slides else float(np.degrees(value))
 
 
 def _linuxcnc(reversals: Reversals) -> dict[str, str]:
-    """Tables of a corrected motion; of what was measured, the lines of its INI file."""
+    """Tables for a corrected motion; for measured lost motion, lines of the INI file."""
     if not reversals.tables:
         lines = [
             f"[JOINT_{number}]\nBACKLASH = {reversals.size(name):.4f}"
@@ -199,7 +197,9 @@ def _linuxcnc(reversals: Reversals) -> dict[str, str]:
 
 
 def _mean(grid: np.ndarray, q: np.ndarray, shift: np.ndarray) -> np.ndarray:
-    """Mean shift of the visits nearest to each place; none where there are no visits."""
+    """Mean shift at each place of the grid over the visits near it, or those nearest to it; 0
+    without any.
+    """
     if not len(q):
         return np.zeros_like(grid)
     width = max(grid[1] - grid[0], 1e-12)
@@ -263,4 +263,4 @@ FORMATS = {
     ),
     "fluidnc": Format(lambda _: {}, "everything"),
 }
-"""By firmware."""
+"""Formats by firmware."""

@@ -26,17 +26,17 @@ _STATE = ("position", "velocity", "effort")
 
 
 def mcap(result: Result, suffix: str, progress: bool) -> bytes:
-    """The bag's content."""
+    """Content of a bag with a result."""
     return written(_messages(result), progress)
 
 
 def of_trajectory(motion: trajectory.Trajectory) -> bytes:
-    """A bag with the one message of a trajectory, which `Motion.from_mcap` reads."""
+    """Content of a bag with one message, a trajectory, which `Motion.from_mcap` reads."""
     return written([("/joint_trajectory", trajectory.MESSAGE, 0.0, trajectory.message(motion))])
 
 
 def written(messages: Iterable[Message], progress: bool = False) -> bytes:
-    """A bag with these messages, by time."""
+    """Content of a bag with these messages, which are ordered by time."""
     with extra("ros", "mcap-ros2-support"):
         from mcap_ros2.writer import Writer
     sink = io.BytesIO()
@@ -52,7 +52,7 @@ def written(messages: Iterable[Message], progress: bool = False) -> bytes:
 
 
 def _messages(result: Result) -> Iterator[Message]:
-    """All messages, by time."""
+    """Yield all messages of a result, ordered by time."""
     topics = _topics(result)
     motion = trajectory.joint_trajectory(result) if trajectory.encoders(result) else None
     names = list(motion.joints) if motion is not None else []
@@ -68,6 +68,7 @@ def _messages(result: Result) -> Iterator[Message]:
 
 
 def _topics(result: Result) -> list[tuple[str, str, str, str, Any]]:
+    """Topic, type, frame and field of the stamped messages, and the field's values by record."""
     pose = {
         "position": _vector(result["tool_position"].values),
         "orientation": _vector(result["tool_orientation"].values, "wxyz"),
@@ -82,17 +83,12 @@ def _topics(result: Result) -> list[tuple[str, str, str, str, Any]]:
     ]
     kind = "geometry_msgs/msg/Vector3Stamped"
     for joint in result.joints:
-        prefix = joint_topic(joint)
+        prefix = f"/clearance/{re.sub(r'[^A-Za-z0-9_]', '_', joint)}"
         force = _vector(result["joint_force"].sel(joint=joint).values)
         centre = _vector(result["journal_centre"].sel(joint=joint).values)
         topics.append((f"{prefix}/force", kind, "world", "vector", force))
         topics.append((f"{prefix}/journal_centre", kind, f"{joint}_bearing", "vector", centre))
     return topics
-
-
-def joint_topic(joint: str) -> str:
-    """Beginning of the topics of a joint with clearance."""
-    return f"/clearance/{re.sub(r'[^A-Za-z0-9_]', '_', joint)}"
 
 
 def _vector(values: np.ndarray, names: tuple[str, ...] | str = AXES) -> dict[str, list[float]]:
@@ -101,6 +97,7 @@ def _vector(values: np.ndarray, names: tuple[str, ...] | str = AXES) -> dict[str
 
 
 def _nested(values: dict[str, Any], i: int) -> dict[str, Any]:
+    """The i-th record of nested columns."""
     return {
         name: _nested(inner, i) if isinstance(inner, dict) else inner[i]
         for name, inner in values.items()

@@ -1,23 +1,23 @@
-"""Play of joints as actuators: the torque that motors turn links with, through their dead bands.
+"""Joints' play as an actuator model: the torque that motors exert on links through a dead band.
 
-For a model of the robot without play, in any simulator: there the joints are the links, and the
-motors' angles are kept here. Each step of the simulator:
+It goes with a model of the robot without play, in any simulator: the simulator's joints are the
+links, and the motors' angles are kept here. At each step of the simulator call
 
     torque, motor, speed = PLAY.step(drive, motor, speed, link, link_speed, dt)
 
-with the motors' own torques `drive` (a controller that has its encoder on the motor sees `motor`),
-and the links' angles and speeds from the simulator, where `torque` acts on the joints instead of
-their own actuators. A motor that moves as commanded needs no state: ``PLAY.torque(command,
-command_speed, link, link_speed)``. Steps longer than `STEP` follow the teeth badly or not at all.
+with the motors' own torques `drive` (a controller whose encoder is on the motor reads `motor`) and
+the links' angles and speeds from the simulator; there `torque` acts on the joints in place of their
+own actuators. A motor that moves as commanded needs no state: ``PLAY.torque(command,
+command_speed, link, link_speed)``. Steps longer than `STEP` do not resolve the teeth.
 
 Arrays are those of NumPy, JAX or PyTorch, of shape (joints,), or (copies, joints) for many robots
-at once, whose numbers may differ. Friction and damping of the links belong into the simulator's
-model, for no torque set once a step can make them stick; `for_mujoco` puts them in:
+at once, whose numbers may differ. Friction and damping of the links belong in the simulator's
+model, as no torque set once a step can make them stick; `for_mujoco` puts them there:
 
     rows = for_mujoco(model)                  # once
     data.qfrc_applied[rows.speeds] = torque   # each step, before mujoco.mj_step(model, data)
 
-SI units. In MuJoCo, on the robot of a file: ``python THIS_FILE robot.xml`` reverses the motors.
+SI units. To try it in MuJoCo: ``python THIS_FILE robot.xml`` reverses the motors of a robot.
 """
 
 from __future__ import annotations
@@ -28,23 +28,23 @@ import numpy as np
 
 
 class DeadBand(NamedTuple):
-    """Numbers of joints' play, an array each."""
+    """Parameters of the joints' play, an array each."""
 
     half: Any
     """Half of the dead band [rad]."""
     stiffness: Any
-    """Beyond it [N m/rad]."""
+    """Stiffness of the teeth beyond the dead band [N m/rad]."""
     damping: Any
-    """Between motor and link [N m s/rad]."""
+    """Damping between motor and link [N m s/rad]."""
     rotor: Any
     """Inertia of the motor, on the joint's side of the gear [kg m^2]."""
     friction: Any
-    """Dry, of the link [N m]."""
+    """Dry friction of the link [N m]."""
     viscous: Any
-    """Of the link [N m s/rad]."""
+    """Viscous friction of the link [N m s/rad]."""
 
     def torque(self, motor: Any, motor_speed: Any, link: Any, link_speed: Any) -> Any:
-        """Torque on the links [N m] at angles [rad] and speeds [rad/s]; on motors, the opposite."""
+        """Torque on the links [N m] at angles [rad] and speeds [rad/s]; motors get the opposite."""
         twist = motor - link
         deflection = twist - twist.clip(-self.half, self.half)
         return self.stiffness * deflection + self.damping * (motor_speed - link_speed)
@@ -54,7 +54,8 @@ class DeadBand(NamedTuple):
     ) -> tuple[Any, Any, Any]:
         """Torque on the links over a step of dt [s], and the motors' angles and speeds after it.
 
-        Implicit in the motors' speeds, so that light rotors stay calm; `drive` is their torque.
+        The step is implicit in the motors' speeds, so that light rotors are stable; `drive` is the
+        motors' torque.
         """
         twist = motor - link
         deflection = twist - twist.clip(-self.half, self.half)
@@ -71,21 +72,21 @@ STEP = 1e-3
 
 
 class Rows(NamedTuple):
-    """Where joints are in the vectors of a MuJoCo model."""
+    """Indices of joints in the vectors of a MuJoCo model."""
 
     angles: list[int]
-    """In qpos."""
+    """Indices in qpos."""
     speeds: list[int]
-    """In qvel and qfrc_applied."""
+    """Indices in qvel and qfrc_applied."""
 
 
 def for_mujoco(
     model: Any, play: DeadBand = PLAY, joints: tuple[str, ...] = JOINTS, dt: float = STEP
 ) -> Rows:
-    """Make a MuJoCo model of a robot without play ready for its torques.
+    """Prepare a MuJoCo model of a robot without play for the torques of this actuator.
 
-    The links get their friction and damping, the time step becomes at most dt [s]; rotor and
-    actuators of the joints are taken out, for they are the `drive` and the `rotor` of `step`.
+    The links get their friction and damping, and the time step becomes at most dt [s]; the joints'
+    rotors and actuators are removed, as they are the `rotor` and the `drive` of `step`.
     """
     import mujoco
 
@@ -103,7 +104,7 @@ def for_mujoco(
 
 
 def main(path: str) -> None:
-    """Move the motors to and fro by 0.1 rad in MuJoCo, without weight; print how links lag."""
+    """Move the motors to and fro by 0.1 rad in MuJoCo, without gravity; print how far links lag."""
     import mujoco
 
     model = mujoco.MjModel.from_xml_path(path)

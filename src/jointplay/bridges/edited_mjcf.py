@@ -1,8 +1,8 @@
 """The user's own MJCF with play put into it; all else stays as it is written there.
 
-The text is edited, because MuJoCo writes numbers with six digits. Play is the same as in MJCFs that
-are made of URDFs (`reduced_mjcf`): a hinge in series with the joint and a tendon with a dead band.
-A second hinge that is the joint's play already is taken for it.
+The text is edited, as MuJoCo itself would write numbers with six digits. Play is represented as in
+MJCFs made from URDFs (`reduced_mjcf`): a hinge in series with the joint and a tendon with a dead
+band. A second hinge that already is the joint's play is used for it.
 """
 
 from __future__ import annotations
@@ -30,28 +30,28 @@ from jointplay.model.mjcf_whole import compile_file, compile_text
 from jointplay.model.urdf import parse
 
 _DEEPEST = 20
-"""Files that may include each other, one in the other (judged: more is a circle)."""
+"""Deepest nesting of included files (judged: more is a circle)."""
 _PLAIN = {
     **dict.fromkeys(("limited", "actuatorfrclimited"), "false"),
     **dict.fromkeys(("armature", "damping", "frictionloss", "stiffness", "ref", "springref"), "0"),
     "springdamper": "0 0",
 }
-"""Of a hinge that has nothing from a class of defaults."""
+"""Attributes of a hinge of play that override all defaults of its class."""
 
 
 @dataclass(frozen=True)
 class EditedRobot:
-    """An MJCF into which play is put; in use as `reduced_mjcf.CompiledRobot`."""
+    """An MJCF into which play is put; used like `reduced_mjcf.CompiledRobot`."""
 
     mechanism: Mechanism
     root: Element
     model: Any
-    """As MuJoCo compiled it, without the play put in."""
+    """The MJCF as MuJoCo compiles it, without the added play."""
     pose: Mapping[str, float]
     """Joint positions, the rest zero [rad or m]."""
     reductions: tuple[Reduction, ...]
     meshes: Mapping[str, bytes]
-    """None: they stay where they lie."""
+    """Files of meshes: none, as they stay where they are."""
 
     def mjcf(
         self,
@@ -62,10 +62,10 @@ class EditedRobot:
     ) -> str:
         """The MJCF with these numbers of play; actuators, sensors and all else are its own.
 
-        Reductions are without the joints' own friction (`reduce`), which stays before the play.
+        The reductions do not have the joints' own friction (`reduce`), which stays before the play.
 
         Raises:
-            JointplayError: a joint that the file does not have by its name, once.
+            JointplayError: a joint that the file does not name exactly once.
         """
         check_encoder(encoder)
         root, added = copy.deepcopy(self.root), []
@@ -94,33 +94,33 @@ class EditedRobot:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What is in the file, and what is not as it was."""
-        return tuple(self._notes())
-
-    def _notes(self) -> Iterator[str]:
+        """Notes on the file's content, and on its differences from the original."""
         path = self.mechanism.description.path.resolve()
         files = [*_with_files(self.root)]
         assets = f" and its meshes and textures in {path.parent}" if files else ""
-        yield (
+        lines = [
             f"the MJCF is {path.name} with play put in: its friction stays before the play, at the "
             f"motors,{assets}".rstrip(",")
-        )
+        ]
         written = ElementTree.fromstring(self.mjcf(self.reductions))
         steps = [option.get("timestep") for option in written.findall("option")]
         step = float(next(filter(None, reversed(steps)), self.model.opt.timestep))
         if step < self.model.opt.timestep:
-            yield (
+            lines.append(
                 f"note: the step of the MJCF is now {1e3 * step:.4g} ms, for the teeth; it was "
                 f"{1e3 * self.model.opt.timestep:.4g} ms"
             )
-        play_hinges = self.mechanism.description.beyond.hinges or {}
-        for reduction in self.reductions:
-            hinge = play_hinges.get(reduction.joint)
-            if hinge and reduction.dead_band > 0.0 and [*_equalities(self.root, hinge)]:
-                yield f"note: the equality of {hinge}, which would hold the play shut, is left out"
+        hinges = self.mechanism.description.beyond.hinges or {}
+        for r in self.reductions:
+            hinge = hinges.get(r.joint)
+            if hinge and r.dead_band > 0.0 and [*_equalities(self.root, hinge)]:
+                lines.append(
+                    f"note: the equality of {hinge}, which would hold the play shut, is left out"
+                )
+        return tuple(lines)
 
     def _hinge(self, root: Element, reduction: Reduction) -> tuple[str, bool]:
-        """Name of a joint's hinge of play, and whether it was put in."""
+        """Prepare a joint's hinge of play; returns its name, and whether it was added."""
         holder, joint = _find(root, reduction.joint)
         row = self.model.joint(reduction.joint).dofadr[0]
         rotor = reduction.rotor_inertia
@@ -129,7 +129,7 @@ class EditedRobot:
         play_hinge = (self.mechanism.description.beyond.hinges or {}).get(reduction.joint)
         if play_hinge is not None:
             _find(root, play_hinge)[1].set("limited", "false")
-            for holder, equality in [*_equalities(root, play_hinge)]:  # it would hold the play shut
+            for holder, equality in [*_equalities(root, play_hinge)]:  # they would lock the play
                 holder.remove(equality)
                 if not len(holder):
                     root.remove(holder)
@@ -141,7 +141,7 @@ class EditedRobot:
         return name, True
 
     def _add_friction(self, root: Element, name: str, friction: float, viscous: float) -> None:
-        """Add the friction of a bearing to a joint without play about its axis."""
+        """Add the friction of a bearing to that of a joint without play about its axis."""
         _, joint = _find(root, name)
         row = self.model.joint(name).dofadr[0]
         for key, addition in (("frictionloss", friction), ("damping", viscous)):
@@ -149,7 +149,7 @@ class EditedRobot:
             joint.set(key, written(value + addition))
 
     def _resize_keys(self, root: Element, added: Sequence[str]) -> None:
-        """Put zeros for the new hinges into the keyframes."""
+        """Insert zeros for the added hinges into the keyframes."""
         for key in root.findall("keyframe/key"):
             for name, address in (("qpos", "qposadr"), ("qvel", "dofadr")):
                 if values := key.get(name, "").split():
@@ -159,7 +159,7 @@ class EditedRobot:
     def _resolving_step(
         self, root: Element, loose: Sequence[Reduction], hinges: Sequence[str]
     ) -> float:
-        """The longest step of the whole file that resolves the teeth [s]."""
+        """Time step of the whole file that resolves the teeth [s]."""
         model = compile_text(_text(root))
         rows = [int(model.joint(name).dofadr[0]) for name in hinges]
         mass = mass_at(model, self.pose)
@@ -169,15 +169,15 @@ class EditedRobot:
 def edited_robot(
     mechanism: Mechanism, reductions: Sequence[Reduction], pose: Mapping[str, float], tilt: bool
 ) -> EditedRobot:
-    """A robot's own MJCF, files that it includes put in their place; `pose` as for `compile_robot`.
+    """A robot's own MJCF, with included files inserted; `pose` as for `compile_robot`.
 
     Raises:
-        JointplayError: MuJoCo cannot compile it, or the tilt of an axis is asked for.
+        JointplayError: MuJoCo cannot compile it, or the tilt of axes is asked for (`tilt`).
     """
     if tilt:
         raise JointplayError(
-            "--tilt is for MJCFs that are made of a URDF; into an MJCF of your own only play about "
-            "an axis is put"
+            "--tilt is for MJCFs that are made from a URDF; an MJCF of your own gets only the play "
+            "about joints' own axes"
         )
     root, model = _load_included(mechanism)
     return EditedRobot(mechanism, root, model, pose, tuple(reductions), {})
@@ -188,8 +188,8 @@ def corrected_mjcf(
 ) -> tuple[str, Mapping[str, bytes]]:
     """A robot's MJCF with its joints where a calibration found them, and files of its meshes.
 
-    An MJCF of the user's own stays as it is but for the places of bodies; of other robots MuJoCo
-    makes one of the corrected URDF, with all digits of the places.
+    An MJCF of the user's own stays as it is but for the poses of bodies; for other robots MuJoCo
+    makes one from the corrected URDF, in which the poses are written with all digits.
 
     Args:
         mechanism: the robot as it was calibrated.
@@ -197,7 +197,7 @@ def corrected_mjcf(
 
     Raises:
         JointplayError: MuJoCo is not installed or cannot compile the robot; a body of the MJCF that
-            has several joints, lies in a <frame>, or is not written there once.
+            has several joints, lies in a <frame>, or is not written exactly once.
     """
     if not from_mjcf_file(mechanism.description):
         text = to_urdf(mechanism.ideal(), corrections)
@@ -234,12 +234,12 @@ def corrected_mjcf(
 
 
 def _load_included(mechanism: Mechanism) -> tuple[Element, Any]:
-    """The text of an MJCF in one piece, and as MuJoCo compiles it."""
+    """A robot's MJCF as one element, with included files inserted, and as MuJoCo compiles it."""
     path = mechanism.description.path.resolve()
     model = compile_file(path)
     root = _parse(path)
     _include(root, path.parent, _DEEPEST)
-    if [*_with_files(root)]:  # which stay where they lie
+    if [*_with_files(root)]:  # they stay where they are, so their folders become absolute
         folders = {"meshdir": "", "texturedir": ""}
         for compiler in root.findall("compiler"):
             for key in folders:
@@ -252,7 +252,7 @@ def _load_included(mechanism: Mechanism) -> tuple[Element, Any]:
 
 
 def _with_files(root: Element) -> Iterator[Element]:
-    """Meshes, textures and the like whose files an MJCF names."""
+    """Yield meshes, textures and other elements of an MJCF that name files."""
     for holder in (*root.findall("asset"), *root.findall("deformable"), *root.findall("worldbody")):
         for part in holder.iter():
             if part.tag != "model" and any(key.startswith("file") for key in part.attrib):
@@ -260,7 +260,7 @@ def _with_files(root: Element) -> Iterator[Element]:
 
 
 def _equalities(root: Element, hinge: str) -> Iterator[tuple[Element, Element]]:
-    """Equalities of a hinge, each with what it is in."""
+    """Yield the equalities of a hinge, each after its parent element."""
     for holder in root.findall("equality"):
         for equality in holder.findall("joint"):
             if hinge in (equality.get("joint1"), equality.get("joint2")):
@@ -268,7 +268,7 @@ def _equalities(root: Element, hinge: str) -> Iterator[tuple[Element, Element]]:
 
 
 def _last(root: Element, tag: str) -> Element:
-    """The last section of this name, which counts most; a new one if there is none."""
+    """The last section of this name, which overrides the others; a new one if there is none."""
     sections = root.findall(tag)
     return sections[-1] if sections else put(root, tag)
 
@@ -291,7 +291,7 @@ def _parse(path: Path) -> Element:
 
 
 def _include(element: Element, folder: Path, deepest: int) -> None:
-    """Put the content of included files in the place of each <include>."""
+    """Replace each <include> by the content of its file."""
     if not deepest:
         raise JointplayError(f"files of the MJCF include each other more than {_DEEPEST} deep")
     for position in range(len(element) - 1, -1, -1):
@@ -305,7 +305,7 @@ def _include(element: Element, folder: Path, deepest: int) -> None:
 
 
 def _find(root: Element, name: str) -> tuple[Element, Element]:
-    """A joint of the file, and the body in which it is."""
+    """Body and element of a joint by its name."""
     matches = [
         (body, element)
         for world in root.findall("worldbody")
@@ -315,8 +315,8 @@ def _find(root: Element, name: str) -> tuple[Element, Element]:
     ]
     if len(matches) != 1:
         raise JointplayError(
-            f"the joint {name!r} is not written in the MJCF by this name, once: it has no name, or "
-            "comes of <replicate> or <attach>; give it one, or write it out"
+            f"the MJCF does not name a joint {name!r} exactly once: it has no name there, or comes "
+            "from <replicate> or <attach>; give it one, or write it out"
         )
     return matches[0]
 
@@ -324,7 +324,7 @@ def _find(root: Element, name: str) -> tuple[Element, Element]:
 def _put_tendons(
     tendon: Element, reduction: Reduction, hinge: str, friction: float, viscous: float
 ) -> None:
-    """Put in what holds a hinge of play, in the place of what held it before."""
+    """Add the tendons of a joint's play in place of those that held its hinge before."""
     names = {part.get("name") for part in tendon}
     for part in list(tendon):
         if part.get("name") == f"{reduction.joint}.play":
@@ -332,5 +332,5 @@ def _put_tendons(
         elif [wrapped.get("joint") for wrapped in part] == [hinge]:
             part.attrib.update({"stiffness": "0", "limited": "false"})
     put_play(tendon, reduction, hinge, friction, viscous)
-    if f"{reduction.joint}.link" in names:  # and its losses are there
+    if f"{reduction.joint}.link" in names:  # the file has this tendon, with its losses, already
         tendon.remove(tendon[-1])

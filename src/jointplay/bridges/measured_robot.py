@@ -1,4 +1,4 @@
-"""A robot's file as it was measured: with the play that was found, or with its joints put right."""
+"""Files of a measured robot: its URDF or MJCF with identified play, or with calibrated joints."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ if TYPE_CHECKING:
 
 
 def write_play_urdf(mechanism: Mechanism, path: Path) -> str:
-    """Write a URDF with the clearance of bearings as chains of joints; says what it lacks.
+    """Write a URDF with bearings' clearance as chains of joints; returns a clause on what it lacks.
 
     Raises:
-        JointplayError: no bearing has any.
+        JointplayError: no bearing has clearance.
     """
     if not mechanism.clearance:
         raise JointplayError(
@@ -37,10 +37,11 @@ def write_play_urdf(mechanism: Mechanism, path: Path) -> str:
 
 
 def write_play_mjcf(mechanism: Mechanism, path: Path, progress: bool = False) -> str:
-    """Write an MJCF with play as dead bands and tilts, and meshes beside it; says what it has.
+    """Write an MJCF with play as dead bands and tilts, and its meshes; returns a clause on what it
+    has and lacks.
 
     Raises:
-        JointplayError: it would have no play.
+        JointplayError: the MJCF would have no play.
     """
     tilt = bool(mechanism.clearance) and not from_mjcf_file(mechanism.description)
     refuse_without_play(mechanism, [*mechanism.clearance, *mechanism.gears], ["mjcf"], tilt)
@@ -54,16 +55,17 @@ def write_play_mjcf(mechanism: Mechanism, path: Path, progress: bool = False) ->
 
 
 def write_corrected(fit: Calibration, path: Path, mjcf: bool) -> str:
-    """Write a URDF or MJCF with joints where a calibration found them; says what it has.
+    """Write a URDF or MJCF with joints where a calibration found them; returns a clause on what it
+    has and lacks.
 
     Raises:
-        JointplayError: it found none elsewhere.
+        JointplayError: the calibration corrected no joint.
     """
     corrections = fit.corrections()
     if not corrections:
         raise JointplayError(
-            "nothing to put right: neither offset nor placement was kept (--always offset has it "
-            "in every model)"
+            "no joint to correct: neither offset nor placement was kept (--always offset has the "
+            "offset in every model)"
         )
     if mjcf:
         text, meshes = corrected_mjcf(fit.mechanism, corrections)
@@ -73,4 +75,4 @@ def write_corrected(fit: Calibration, path: Path, mjcf: bool) -> str:
         files.write(path, to_urdf(fit.mechanism.ideal(), corrections))
     varying = [str(term) for term in fit.kept if term.kind not in CONSTANT]
     lacks = f"; not in it, as they vary with pose or load: {', '.join(varying)}" if varying else ""
-    return f": {counted(len(corrections), 'joint')} put right{lacks}"
+    return f": {counted(len(corrections), 'joint')} corrected{lacks}"

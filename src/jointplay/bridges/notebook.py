@@ -1,4 +1,4 @@
-"""What a notebook shows of a result: how it ended, its figures, a small picture."""
+"""Display of a result in a notebook: how the run ended, its figures, a small picture."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ from jointplay.simulation.analysis.vibration import rattle
 from jointplay.simulation.result.result import Result
 
 _WIDTH, _HEIGHT = 6.6, 2.2
-"""Of the picture [inches]."""
+"""Size of the picture [inches]."""
 
 
 def page(result: Result) -> str:
-    """HTML that needs nothing from elsewhere."""
+    """Self-contained HTML of a result."""
     warnings = "".join(f"<li>{html.escape(text)}</li>" for text in result.audit.warnings)
     return (
         f"<div><p><b>jointplay result</b>: {html.escape(result.message)}</p>"
@@ -37,7 +37,7 @@ def page(result: Result) -> str:
 
 
 def rows_of(result: Result) -> list[tuple[str, str]]:
-    """Name and value of each line of the table."""
+    """Name and value of each row of the table."""
     audit, time = result.audit, result.time
     span = f"{time[0]:g} to {time[-1]:g} s" if len(time) else "none"
     names = result["coordinate"].values.tolist()
@@ -60,7 +60,7 @@ def rows_of(result: Result) -> list[tuple[str, str]]:
     rows.append(("energy residual", f"{audit.energy_residual:.3g} J, {percent:.2g} % of exchange"))
     if result.certificate is not None:
         further = (f for f in result.certificate.headline if not f.name.startswith("peak joint"))
-        rows += [(figure.name, str(figure)) for figure in further]  # those are above
+        rows += [(figure.name, str(figure)) for figure in further]  # peak forces are above
         rows.append(("numerical errors", result.certificate.origin))
     return rows
 

@@ -1,9 +1,9 @@
-"""Reduced models of joints' play as files: SDF, URDF with YAML, JSON, Python; MJCF and USD beside.
+"""Files with the reduced models of joints' play: SDF, URDF with YAML, JSON, Python.
 
-A joint without play in its gear needs no further degree of freedom: it gets friction and damping.
-Play in a gear needs the motor as a body of its own, the rotor, which the joint J moves; the hinge
-J_play behind it, whose limits are the dead band, moves the link. A servo is MuJoCo's ``dcmotor``
-(`reduced_mjcf`); the other formats know none.
+MJCF and USD have modules of their own. A joint without play in its gear needs no further degree of
+freedom: it gets friction and damping. Play in a gear makes the motor a body of its own, the rotor,
+which the joint J moves; the hinge J_play behind it, whose limits are the dead band, moves the link.
+A servo is MuJoCo's ``dcmotor`` (`reduced_mjcf`); the other formats have none.
 """
 
 from __future__ import annotations
@@ -34,44 +34,47 @@ from jointplay.simulation.loads.drive import ENCODERS
 from jointplay.simulation.motion.cartesian import joint_limits
 
 SPREAD = 0.3
-"""Half width of ranges for randomisation, relative, of what is not measured: an assumption."""
+"""Relative half width of the ranges for domain randomisation of numbers that are not measured: an
+assumption."""
 PLUGIN = "gz_ros2_control/GazeboSimSystem"
-"""Hardware of ros2_control's tags, if no other is named: Gazebo's."""
+"""Hardware plugin of ros2_control's tags, if no other is named: Gazebo's."""
 LIGHTEST = pin.Inertia(1e-3, np.zeros(3), 1e-6 * np.eye(3))
-"""Of bodies without mass, which no simulator takes (judged: a gram, of 3 cm)."""
+"""Inertia of bodies without mass, which no simulator takes (judged: a gram, of 3 cm)."""
 
 
 @dataclass(frozen=True)
 class Body:
-    """What moves with one joint; its frame is the joint's."""
+    """A body and the joint that moves it; its frame is the joint's."""
 
     name: str
+    """Name of the joint."""
     link: str
+    """Name of the body."""
     parent: Body | None
     placement: pin.SE3
-    """Of the joint's frame in the parent's, at position zero."""
+    """Pose of the joint's frame in the parent's, at position zero."""
     world_placement: pin.SE3
-    """Of the joint's frame in the world, all positions zero."""
+    """Pose of the joint's frame in the world, all positions zero."""
     slides: bool
     axis: np.ndarray
-    """In the joint's frame, shape (3,)."""
+    """Axis in the joint's frame, shape (3,)."""
     limits: tuple[float, float]
-    """Infinite where there are none [rad or m]."""
+    """Limits of the position, infinite where there are none [rad or m]."""
     inertia: pin.Inertia
     friction: float
-    """Dry [N m or N]."""
+    """Dry friction [N m or N]."""
     damping: float
-    """[N m s/rad or N s/m]."""
+    """Viscous friction [N m s/rad or N s/m]."""
     stop: tuple[float, float] | None = None
     """Stiffness [N m/rad] and damping [N m s/rad] of the limits; None if they are rigid."""
 
 
 def bodies(mechanism: Mechanism, reductions: Iterable[Reduction] = ()) -> list[Body]:
-    """The ideal robot's bodies, and the rotors before play, from the base outwards.
+    """Bodies of the ideal robot, and the rotors before play, from the base outwards.
 
     Raises:
-        JointplayError: loops; joints that have more than one coordinate (balls); the robot has a
-            `J_motor` or a `J_play` of a joint J with a dead band.
+        JointplayError: loops; joints with more than one coordinate (balls); the robot already has a
+            `J_motor` or a `J_play`, where J is a joint with a dead band.
     """
     if mechanism.loops:
         raise JointplayError("a robot with closed loops cannot be written as a tree of bodies")
@@ -83,13 +86,16 @@ def bodies(mechanism: Mechanism, reductions: Iterable[Reduction] = ()) -> list[B
     names = [str(name) for name in model.names]
     low, high = joint_limits(mechanism, [n for n in names[1:] if n in mechanism.joints])
     tree: list[Body] = []
-    carriers: list[Body | None] = [None]
+    carriers: list[Body | None] = [None]  # by joint: the body that its children hang on
     for index in range(1, model.njoints):
         joint, name = model.joints[index], names[index]
         if joint.nv != 1:
-            raise JointplayError(f"joint {name!r} has {joint.nv} coordinates; one can be written")
+            raise JointplayError(
+                f"joint {name!r} has {joint.nv} coordinates; only joints with one can be written"
+            )
         (direction,) = motions(model, data, index)
         slides = bool(np.linalg.norm(direction[3:]) < 0.5)
+        # A joint that is not reduced keeps the friction of the URDF.
         entry = mechanism.description.joints[name]
         losses = Reduction(name, friction=entry.friction, viscous=entry.damping)
         reduction = reduced.get(name, losses)
@@ -103,7 +109,7 @@ def bodies(mechanism: Mechanism, reductions: Iterable[Reduction] = ()) -> list[B
             name, f"{name}_link", parent, placement, world_placement, slides, axis, limits, inertia,
             reduction.friction, reduction.viscous,
         )  # fmt: skip
-        if reduction.dead_band > 0.0:
+        if reduction.dead_band > 0.0:  # the rotor takes the joint, the body hangs on it by the play
             half = 0.5 * reduction.dead_band
             turning = rotor(body.axis, reduction.rotor_inertia)
             motor = replace(body, link=f"{name}_motor", inertia=turning)
@@ -119,7 +125,9 @@ def bodies(mechanism: Mechanism, reductions: Iterable[Reduction] = ()) -> list[B
 
 
 def rotor(axis: np.ndarray, inertia: float) -> pin.Inertia:
-    """Next to no mass, an inertia about the axis, and a little more than half of it across."""
+    """Inertia of a rotor: hardly any mass, `inertia` about the axis, and a little more than half of
+    that across, as physical inertias have.
+    """
     along = np.outer(axis, axis)
     matrix = inertia * along + 0.5001 * inertia * (np.eye(3) - along)
     return pin.Inertia(1e-6, np.zeros(3), matrix)
@@ -128,10 +136,10 @@ def rotor(axis: np.ndarray, inertia: float) -> pin.Inertia:
 def to_sdf(mechanism: Mechanism, *reductions: Reduction, encoder: str = "motor") -> str:
     """The robot as SDF 1.9: links and limits of the URDF, bodies without shapes.
 
-    Links that fixed joints hold are frames of the link they are fixed to, which has their mass. The
-    bearing's friction acts on the motor's side of the play, for SDF has no joint beside another.
-    Gazebo publishes what encoders read: of one on the link of a joint J with play, J and J_play,
-    whose sum it is.
+    Links held by fixed joints are frames of the link they are fixed to, which has their mass. The
+    bearing's friction acts on the motor's side of the play, as SDF has no joint parallel to
+    another. Gazebo publishes what encoders read; the reading of an encoder on the link of a joint J
+    with play is the sum of J and J_play.
     """
     check_encoder(encoder)
     root = Element("sdf", version="1.9")
@@ -162,6 +170,7 @@ def to_sdf(mechanism: Mechanism, *reductions: Reduction, encoder: str = "motor")
         _put_texts(put(axis, "dynamics"), damping=body.damping, friction=body.friction)
         if body.stop is None or encoder == "link":
             published.append(body.name)
+    # Links held by fixed joints become frames of the links that carry them.
     carriers = [ground, *(names[f"{name}_link"] for name in ideal.names[1:])]
     for frame in ideal.frames:
         carrier = carriers[frame.parentJoint]
@@ -190,7 +199,7 @@ def _put_texts(element: Element, /, **values: Any) -> None:
 
 
 def refuse_taken(mechanism: Mechanism, reductions: Iterable[Reduction]) -> None:
-    """Refuse a robot that has a `J_motor` or a `J_play` of a joint J with a dead band."""
+    """Raise a JointplayError if the robot has a `J_motor` or `J_play` for a J with a dead band."""
     described = mechanism.description
     for reduction in reductions:
         for name in (f"{reduction.joint}_motor", f"{reduction.joint}_play"):
@@ -199,14 +208,15 @@ def refuse_taken(mechanism: Mechanism, reductions: Iterable[Reduction]) -> None:
 
 
 def to_urdf(mechanism: Mechanism, *reductions: Reduction, plugin: str = PLUGIN) -> str:
-    """The robot's own URDF with the reduced joints in it, and ros2_control's tags.
+    """The robot's own URDF with the reduced joints in it, and tags of ros2_control.
 
-    Without play in a gear only the joint's <dynamics> change. With it, the joint moves a link that
-    is the motor's rotor, which moves the old child by `J_play`, whose limits are the dead band.
+    Without play in its gear, only a joint's <dynamics> change. With play, the joint moves a link
+    that is the motor's rotor, which moves the old child by `J_play`, whose limits are the dead
+    band.
 
-    Motors have the command interface ``effort`` and a transmission of 1, for the numbers are those
-    of the joint's side of the gear; hinges of play are only read. If the URDF has tags of
-    ros2_control of its own, only the hinges of play are added to the first of them. `plugin` is
+    Motors have the command interface ``effort`` and a transmission of 1, as all numbers are those
+    of the joint's side of the gear; hinges of play have state interfaces only. If the URDF has tags
+    of ros2_control of its own, only the hinges of play are added to the first of them. `plugin` is
     that of the hardware, such as ``mock_components/GenericSystem``.
     """
     refuse_taken(mechanism, reductions)
@@ -226,6 +236,7 @@ def to_urdf(mechanism: Mechanism, *reductions: Reduction, plugin: str = PLUGIN) 
 
 
 def _put_play(root: Element, joint: Element, reduction: Reduction) -> None:
+    """Put rotor and play hinge between a joint and its child link."""
     motor = f"{reduction.joint}_motor"
     child, axis_element = joint.find("child"), joint.find("axis")
     assert child is not None
@@ -274,13 +285,13 @@ def _put_interfaces(system: Element, joint: str, commands: Sequence[str]) -> Non
 
 
 def to_yaml(reductions: Iterable[Reduction], encoder: str = "motor") -> str:
-    """What a URDF cannot say, for a node to read: YAML by joint, SI units; see `to_json`."""
+    """Parameters that a URDF cannot hold, for a node to read: YAML by joint, SI units."""
     check_encoder(encoder)
     lines = ["# Reduced models of joints with play; SI units. See docs/simulator.md of jointplay."]
     for reduction in reductions:
         lines.append(f"{json.dumps(reduction.joint)}:")
         for key, value in (reduction.describe() | {"encoder": encoder}).items():
-            # Readers of YAML 1.1 take 1e-05 for a word.
+            # Readers of YAML 1.1 take 1e-05 for text, 1.0e-05 for a number.
             lines.append(re.sub(r"(?<![\d.])(\d+)e", r"\1.0e", f"  {key}: {json.dumps(value)}"))
     return "\n".join(lines) + "\n"
 
@@ -294,10 +305,11 @@ def to_json(
     """All parameters with ranges for domain randomisation, as JSON: a list ``joints``.
 
     Args:
-        encoder: where the encoders sit, ``motor`` (before the play) or ``link`` (after).
-        spread: half width of the ranges of what is not measured, relative; an assumption. The
-            friction's range is that of the full model's run.
-        by_rule: joints with those numbers of their gears that are a rule's; their ranges are its.
+        reductions: the reduced joints.
+        encoder: place of the encoders, ``motor`` (before the play) or ``link`` (behind it).
+        spread: relative half width of the ranges of numbers that are not measured, an assumption.
+            The friction's range is that of the full model's run.
+        by_rule: joints and numbers of their gears that a rule gave; their ranges are the rule's.
 
     Raises:
         MissingName: no such place for an encoder.
@@ -328,7 +340,7 @@ def to_json(
 
 
 def actuator(reductions: Iterable[Reduction]) -> tuple[tuple[str, ...], dead_band.DeadBand]:
-    """Joints with a dead band, and its numbers as an actuator has them."""
+    """Joints with a dead band, and the parameters of their actuator."""
     loose = [r for r in reductions if r.dead_band > 0.0]
     rows = [
         (0.5 * r.dead_band, r.stiffness, r.damping, r.rotor_inertia, r.friction, r.viscous)
@@ -341,9 +353,9 @@ def actuator(reductions: Iterable[Reduction]) -> tuple[tuple[str, ...], dead_ban
 def actuator_step(
     mechanism: Mechanism, reductions: Iterable[Reduction], pose: Mapping[str, float]
 ) -> float:
-    """A step that resolves the teeth between each motor and its link at the pose, held otherwise.
+    """Time step that resolves the teeth between each motor and its link, all else held [s].
 
-    At most a millisecond [s]; so short, too, that the damping of a step stops no link.
+    It is at most a millisecond, and so short that the damping within a step stops no link.
     """
     ideal = mechanism.ideal()
     mass = np.diag(pin.crba(ideal.model, ideal.data, ideal.configuration(pose)))
@@ -362,7 +374,7 @@ def actuator_step(
 def to_python(
     mechanism: Mechanism, reductions: Iterable[Reduction], pose: Mapping[str, float]
 ) -> str:
-    """The play as an actuator: `dead_band` with the numbers in it, which needs no jointplay."""
+    """The play as an actuator: the source of `dead_band` with numbers, which needs no jointplay."""
     reductions = list(reductions)
     joints, play = actuator(reductions)
     rows = "".join(
@@ -381,7 +393,7 @@ def to_python(
 
 
 def check_encoder(encoder: str) -> None:
-    """Refuse what is not of `ENCODERS`."""
+    """Raise a MissingName if a place is not one of `ENCODERS`."""
     require_known("place for the encoder", encoder, ENCODERS)
 
 
@@ -391,10 +403,9 @@ def reach(
     pose: Mapping[str, float],
     tilting: Iterable[str] = (),
 ) -> tuple[float, PlayBudget]:
-    """How far the files' play lets the tool be off at the pose [m], and the robot's own budget.
+    """Largest error of the tool by the files' play at the pose [m], and the robot's own budget.
 
-    Of both the worst case. Files have no travel of journals aside and along; the axes of the joints
-    `tilting` tilt in them.
+    The files have no lateral and axial travel of journals; the axes of the joints `tilting` tilt.
     """
     play_budget = budget(mechanism, pose)
     bands = {r.joint: r.dead_band for r in reductions}

@@ -1,4 +1,4 @@
-"""Formats of files with reduced joints: which can be written, and which a simulator takes."""
+"""Formats of files with reduced joints, and which of them each simulator takes."""
 
 from __future__ import annotations
 
@@ -24,22 +24,25 @@ _NEEDS = {
     "usd": ("newton_usd_schemas", "Newton's schemas and OpenUSD write USD"),
     "proto": ("urdf2webots", "urdf2webots makes the PROTO"),
 }
-"""Packages that formats need, and for what."""
+"""Package that a format needs, and why."""
 _TILTED = ("mjcf", "json")
-"""Formats that can hold the tilt of an axis."""
+"""Formats that can represent the tilt of an axis."""
 
 
 class Simulator(NamedTuple):
-    """What a simulator for learning takes, by its importers' code or documentation."""
+    """What a robot simulator can import, by its importers' code or documentation."""
 
     formats: tuple[str, ...]
-    """Those that it holds most with."""
+    """The formats with which it represents most."""
     takes: str
+    """Formats that it imports."""
     has: str
+    """Parts of the play that it then has."""
     lacks: str
+    """What is lost."""
 
     def notes(self, name: str) -> list[str]:
-        """A line each of what it takes, of the play that it has, and of what is lost."""
+        """These texts as notes, a line each."""
         clauses = (f"takes {self.takes}", f"has {self.has}", f"lacks {self.lacks}")
         return [f"{name}: {clause}" for clause in clauses]
 
@@ -85,20 +88,22 @@ SIMULATORS = {
         "the teeth's stiffness in PhysX, tilt, servos, friction at the link, shapes",
     ),
 }
-"""By what ``--for`` calls them."""
+"""Simulators by their names for ``--for``."""
 
 
 def choose(
     requested: Sequence[str], tilt: bool, simulator: str | None = None
 ) -> tuple[list[str], list[str]]:
-    """Formats to write: those asked for, or all that can be; and why others are left out.
+    """Formats to write, and notes on those that are left out.
 
     Args:
-        simulator: one of `SIMULATORS`, whose formats are written instead of all.
+        requested: formats that were asked for; none: all that can be written.
+        tilt: whether the tilt of axes is to be written.
+        simulator: one of `SIMULATORS`, whose formats are written in place of all.
 
     Raises:
-        JointplayError: formats and a simulator; one that was asked for cannot hold the tilt of an
-            axis (`tilt`), or needs a package that is missing.
+        JointplayError: both formats and a simulator are given; a format that was asked for cannot
+            represent the tilt of an axis, or needs a package that is missing.
     """
     if requested and simulator:
         formats = ", ".join(SIMULATORS[simulator].formats)

@@ -1,11 +1,14 @@
-"""A robot with the play of its joints as MJCF, compiled by MuJoCo, and what it does there.
+"""A robot with the play of its joints as MJCF, compiled and checked by MuJoCo.
 
 The MJCF is the robot's own URDF as MuJoCo compiles it, shapes included. In series with each joint
-J that has a dead band stands a hinge `J_play` about the same axis, in the same body: J is the
-motor, loaded with its rotor's inertia, and J_play is what the link lags behind. A tendon whose
-spring has a dead band holds J_play, for MuJoCo has none inside an actuator; a second tendon, J plus
+J that has a dead band is a hinge `J_play` about the same axis, in the same body: J is the motor,
+loaded with its rotor's inertia, and J_play is the link's angle relative to it. A tendon whose
+spring has a dead band holds J_play, as MuJoCo has none inside an actuator; a second tendon, J plus
 J_play, is the link's angle and has the friction of bearing and joint. A journal that tilts has two
 more hinges, J.pitch and J.roll, which a tendon, J.rim, keeps within the bore.
+
+Three checks run the written file in MuJoCo: `find_play` pushes each link through its dead band,
+`find_reach` pushes the tool through the tilts, `follow` repeats the reversals of the full model.
 """
 
 from __future__ import annotations
@@ -34,12 +37,12 @@ from jointplay.model.visuals import find_mesh, mesh_folders
 from jointplay.simulation.loads.drive import Servo
 
 _STIFF = np.array([0.99, 0.9999, 1e-6])
-"""MuJoCo's impedance of the bore: as stiff as it bears."""
+"""MuJoCo's impedance of the bore: as stiff as it takes."""
 _PRESCRIBED = 1e6
-"""Inertia of what moves as prescribed, when models are compared [kg m^2]: of an arm of 3 kg 1e4
-gives the same reach within 1e-3, 1e8 one 1 % larger."""
+"""Inertia given to joints with prescribed motion, when models are compared [kg m^2]: for an arm of
+3 kg, 1e4 gives the same reach within 1e-3, 1e8 one that is 1 % larger."""
 _MOST_IN_STL = 200_000
-"""Triangles of an STL that MuJoCo reads (its error message says so); of an OBJ any number."""
+"""Most triangles of an STL that MuJoCo reads (by its error message); an OBJ may have any number."""
 _COMPILER = {
     "fusestatic": "true",
     "discardvisual": "false",
@@ -49,24 +52,25 @@ _COMPILER = {
     "boundmass": 1e-9,
     "boundinertia": 1e-12,
 }
-"""How MuJoCo compiles a URDF here: masses are the URDF's, never the shapes'."""
+"""Options with which MuJoCo compiles a URDF: masses are the URDF's, never the shapes'."""
 
 
 @dataclass(frozen=True)
 class CompiledRobot:
-    """A robot that MuJoCo compiled, with hinges for the dead bands but without numbers of play."""
+    """A robot compiled by MuJoCo, with hinges for dead bands and tilts, yet without numbers."""
 
     mechanism: Mechanism
     root: Element
     meshes: Mapping[str, bytes]
-    """Files of shapes by name, which belong into the folder `FOLDER`."""
+    """Files of shapes by name, which belong in the folder `FOLDER`."""
     mass: np.ndarray
     """Mass matrix at the pose, without rotors, (nv, nv)."""
     dofs: Mapping[str, int]
-    """Rows of it by joint."""
+    """Row of each joint in the mass matrix."""
     notes: tuple[str, ...]
-    """What is not as in the URDF, a line each."""
+    """Differences from the URDF, a line each."""
     tilting: tuple[str, ...]
+    """Joints with hinges of tilt."""
 
     def mjcf(
         self,
@@ -78,12 +82,13 @@ class CompiledRobot:
         """The MJCF with these numbers of play.
 
         Args:
+            reductions: parameters of the joints' play.
             encoder: ``motor`` or ``link``: what the sensor `J.encoder` reads.
-            servos: by joint; each is a ``dcmotor`` (MuJoCo 4); other joints have a ``motor`` whose
-                input is the torque. Joints that mimic others have none.
+            servos: servos by joint; each is a ``dcmotor`` (MuJoCo 4). Other joints have a ``motor``
+                whose input is the torque; joints that mimic others have no actuator.
 
         Raises:
-            MissingName: no such place for an encoder, or a servo of a joint that is none.
+            MissingName: no such place for an encoder, or no such joint for a servo.
             JointplayError: a servo whose encoder is on the link of a joint with play.
         """
         check_encoder(encoder)
@@ -103,6 +108,7 @@ class CompiledRobot:
         assert world is not None
         step = self.step(loose.values())
         option.set("timestep", f"{step:.6g}")
+        # Joints: friction, damping and rotors.
         for element in world.iter("joint"):
             name = element.get("name", "")
             if name in self.mechanism.joints:
@@ -111,6 +117,7 @@ class CompiledRobot:
                     element.attrib.pop(key, None)
                     if value > 0.0:
                         element.set(key, f"{value:.17g}")
+        # Tendons: teeth with a dead band, and rims within the bore.
         tendon, actuator, sensor = (put(root, tag) for tag in ("tendon", "actuator", "sensor"))
         for name, reduction in loose.items():
             put_play(tendon, reduction, f"{name}_play", reduction.friction, reduction.viscous)
@@ -122,6 +129,7 @@ class CompiledRobot:
             )  # fmt: skip
             for end in ("bore", "rim"):
                 put(rim, "site", site=f"{name}.{end}")
+        # Actuators and encoders.
         described = self.mechanism.description.joints
         for name in self.mechanism.joints:
             if described[name].mimic:
@@ -141,6 +149,11 @@ class CompiledRobot:
     def _losses(
         self, name: str, reduction: Reduction | None, servo: Servo | None
     ) -> dict[str, float]:
+        """Friction, damping and armature of a joint in the MJCF.
+
+        With a dead band, the joint is the motor and has the servo's losses and the rotor; those of
+        the link are in a tendon. Without, it has the losses of both.
+        """
         numbers = {"frictionloss": 0.0, "damping": 0.0}
         if servo is not None:
             numbers = {"frictionloss": servo.friction, "damping": servo.viscous}
@@ -155,7 +168,7 @@ class CompiledRobot:
         return numbers | {"armature": rotor_inertia(self.mechanism, name)}
 
     def step(self, reductions: Iterable[Reduction]) -> float:
-        """A step that resolves the stiffest teeth with what they turn, at most 1 ms [s]."""
+        """Time step that resolves these joints' teeth at the pose; see `resolving_step` [s]."""
         loose = list(reductions)
         matrix, inertia = self.mass.copy(), {r.joint: r.rotor_inertia for r in loose}
         for name in self.mechanism.joints:
@@ -168,7 +181,7 @@ class CompiledRobot:
 def put_play(
     tendon: Element, reduction: Reduction, hinge: str, friction: float, viscous: float
 ) -> None:
-    """Put in the teeth that hold the `hinge` of a joint's play, and losses of the link's angle."""
+    """Add the tendons of a joint's play: teeth that hold the `hinge`, and the link's losses."""
     name, half = reduction.joint, 0.5 * reduction.dead_band
     teeth = {"stiffness": reduction.stiffness, "damping": reduction.damping}
     play = put(tendon, "fixed", name=f"{name}.play", springlength=(-half, half), **teeth)
@@ -179,18 +192,19 @@ def put_play(
 
 
 def resolving_step(mass: np.ndarray, rows: Sequence[int], stiffness: Sequence[float]) -> float:
-    """A step that resolves the stiffest teeth with what they turn, at most 1 ms [s].
+    """Time step that resolves the fastest vibration on the teeth, at most 1 ms [s].
 
     Args:
-        mass: the mass matrix (nv, nv), rotors included.
-        rows: of it, those of the hinges of play.
-        stiffness: of the teeth [N m/rad].
+        mass: mass matrix (nv, nv), rotors included.
+        rows: rows of the hinges of play in it.
+        stiffness: stiffness of their teeth [N m/rad].
     """
     if not rows:
         return LONGEST_STEP_S
-    compliance = np.linalg.inv(mass)[np.ix_(rows, rows)]
+    # Squared angular frequencies: eigenvalues of K^(1/2) M^-1 K^(1/2).
+    inverse = np.linalg.inv(mass)[np.ix_(rows, rows)]
     root = np.sqrt(stiffness)
-    fastest = float(np.linalg.eigvalsh(root[:, None] * compliance * root)[-1])
+    fastest = float(np.linalg.eigvalsh(root[:, None] * inverse * root)[-1])
     return min(LONGEST_STEP_S, RESOLVED / math.sqrt(fastest))
 
 
@@ -203,11 +217,11 @@ def compile_robot(
     """Have MuJoCo compile the robot's URDF, and put a hinge in series with each loose joint.
 
     Pairs of bodies whose shapes touch at the pose (joint positions [rad or m], the rest zero) do
-    not collide in the file: MuJoCo takes each mesh for its convex hull. With `tilt`, joints whose
-    axes can tilt get hinges for it.
+    not collide in the file, as MuJoCo takes the convex hull of each mesh. With `tilt`, joints whose
+    axes can tilt get hinges for that.
 
     Raises:
-        JointplayError: MuJoCo is not installed, or cannot compile the robot; a robot that is no
+        JointplayError: MuJoCo is not installed, or cannot compile the robot; a robot that is not a
             tree of single joints, or has a `J_play` or `J_motor` already.
     """
     mujoco = load_mujoco()
@@ -223,8 +237,9 @@ def compile_robot(
     try:
         spec = mujoco.MjSpec.from_string(text, assets=meshes)
         for mesh in spec.meshes:
-            mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL  # of flat ones, too
+            mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL  # flat meshes have no volume
         _edit(mujoco, spec, mechanism, reductions, tilting)
+        # Compiled twice: only the first model tells which shapes touch at the pose.
         model = spec.compile()
         touching = _touching(mujoco, model, pose)
         for first, second in touching:
@@ -248,7 +263,11 @@ def compile_robot(
 
 
 def take_meshes(mechanism: Mechanism, root: Element) -> tuple[dict[str, bytes], list[str]]:
-    """Files of the URDF's meshes as STL or OBJ, named in `root` instead; shapes without one go."""
+    """Convert the URDF's meshes to STL or OBJ; `root` then names these, without missing ones.
+
+    Returns:
+        The files by name, and a note if meshes are missing.
+    """
     import trimesh
 
     folders, stored = mesh_folders(mechanism), mechanism.description.stored
@@ -289,15 +308,20 @@ def _edit(
     reductions: Sequence[Reduction],
     tilting: Sequence[Reduction],
 ) -> None:
+    """Add the hinges of play and tilt, the tool's site, and equalities for joints that mimic."""
     hinge = mujoco.mjtJoint.mjJNT_HINGE
     spec.option.gravity = mechanism.gravity
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    # Play: a second hinge in the same body, about the same axis.
     for reduction in reductions:
         if reduction.dead_band > 0.0:
             motor = spec.joint(reduction.joint)
-            motor.armature = reduction.rotor_inertia  # without it two hinges would turn one inertia
+            # Without a rotor, two hinges would turn one inertia: the mass matrix would be singular.
+            motor.armature = reduction.rotor_inertia
             placement = {"type": hinge, "pos": motor.pos, "axis": motor.axis}
             motor.parent.add_joint(name=f"{reduction.joint}_play", **placement)
+    # Tilt: two hinges across the axis, and sites at the rims of journal and bore, whose distance a
+    # tendon limits.
     tree = {body.name: body for body in bodies(mechanism)}
     for reduction in tilting:
         body, moving = tree[reduction.joint], spec.joint(reduction.joint).parent
@@ -337,6 +361,7 @@ def mass_at(model: Any, pose: Mapping[str, float]) -> np.ndarray:
 
 
 def _touching(mujoco: Any, model: Any, pose: Mapping[str, float]) -> list[tuple[str, str]]:
+    """Pairs of bodies whose shapes touch at the pose."""
     data = mujoco.MjData(model)
     _place(mujoco, model, data, pose)
     names = [[model.body(model.geom_bodyid[i]).name for i in c.geom] for c in data.contact]
@@ -344,16 +369,16 @@ def _touching(mujoco: Any, model: Any, pose: Mapping[str, float]) -> list[tuple[
 
 
 class MeasuredPlay(NamedTuple):
-    """What MuJoCo's link does when it is pushed to and fro while its motor stands."""
+    """Play of a link in MuJoCo, found by pushing it to and fro while its motor stands."""
 
     dead_band: float
-    """Whole angle in which it turns freely [rad]."""
+    """Whole angle in which the link turns freely [rad]."""
     stiffness: float
-    """Of what stops it [N m/rad]."""
+    """Stiffness of the teeth that stop it [N m/rad]."""
 
 
 def _without_contacts(model: Any, bare: bool = False) -> Any:
-    """A copy without contacts between shapes; a bare one also without gravity and friction."""
+    """A copy of a model without contacts between shapes; if `bare` without gravity and friction."""
     model = copy.copy(model)
     model.opt.disableflags |= int(load_mujoco().mjtDisableBit.mjDSBL_CONTACT)
     if bare:
@@ -363,10 +388,10 @@ def _without_contacts(model: Any, bare: bool = False) -> Any:
 
 
 def find_play(written: Any) -> dict[str, MeasuredPlay]:
-    """Play of each joint of a compiled MJCF: pushed both ways with two torques in MuJoCo.
+    """Play of each joint of a compiled MJCF, found in MuJoCo by pushing with two torques both ways.
 
     All other joints are held; gravity, friction and contacts are switched off. The torques turn the
-    link by a tenth and by a fifth of its play beyond it.
+    link beyond the play by a tenth and by a fifth of it.
     """
     mujoco = load_mujoco()
     model = _without_contacts(written, bare=True)
@@ -379,7 +404,7 @@ def find_play(written: Any) -> dict[str, MeasuredPlay]:
         single, hinge = copy.copy(model), play_hinge(model, name)
         row = int(single.joint(hinge).dofadr[0])
         single.dof_armature[np.arange(single.nv) != row] = _PRESCRIBED
-        # Zero may lie outside a joint's limits, which throw what is held however heavy it is.
+        # Zero may lie outside a joint's limits, which would accelerate even so large an inertia.
         single.jnt_limited[np.arange(single.njnt) != single.joint(hinge).id] = 0
         data = mujoco.MjData(single)
         mujoco.mj_setConst(single, data)
@@ -394,7 +419,7 @@ def find_play(written: Any) -> dict[str, MeasuredPlay]:
             for sign in (-1.0, 1.0):
                 mujoco.mj_resetData(single, data)
                 data.qfrc_applied[row] = sign * torque
-                # Ten time constants of the spring, and as many of what the damper lets creep.
+                # Tens of time constants of the spring's vibration and of the damper's creep.
                 swing = math.sqrt(inertia / stiffness)
                 damping = 2.0 * inertia / swing + float(np.ravel(model.tendon_damping[index])[0])
                 settle = 40.0 * max(damping / stiffness, swing)
@@ -408,7 +433,7 @@ def find_play(written: Any) -> dict[str, MeasuredPlay]:
 
 
 def play_hinge(model: Any, joint: str) -> str | None:
-    """Name of the hinge that is a joint's play in a written MJCF; None if it has no dead band."""
+    """Name of the hinge of a joint's play in a written MJCF; None if it has no dead band."""
     tendons = [model.tendon(index).name for index in range(model.ntendon)]
     if f"{joint}.play" not in tendons:
         return None
@@ -417,16 +442,16 @@ def play_hinge(model: Any, joint: str) -> str | None:
 
 
 _PUSH_N, _CROSSING_S = 100.0, 0.05
-"""Force by which MuJoCo's tool is pushed [N], and time in which journals tilt to the other side:
+"""Force that pushes the tool in MuJoCo [N], and time in which journals tilt to the other side [s]:
 with 10 N an arm's reach is the same within 1e-3, with 0.025 or 0.2 s within 6e-3; 1000 N press the
 rims into the bore."""
 
 
 def find_reach(written: Any, tool: str, pose: Mapping[str, float], direction: np.ndarray) -> float:
-    """How far the tilts of a compiled MJCF let the tool move along a direction, either way [m].
+    """Displacement of the tool along a direction by the tilts of a compiled MJCF, either way [m].
 
-    The tool is pushed along the unit vector (3,) and back in MuJoCo, all hinges but those of tilt
-    held at the pose, without gravity, friction and contacts.
+    In MuJoCo the tool is pushed along the unit vector (3,) and back, with all hinges but those of
+    tilt held at the pose, without gravity, friction and contacts.
     """
     mujoco = load_mujoco()
     model = _without_contacts(written, bare=True)
@@ -445,6 +470,7 @@ def find_reach(written: Any, tool: str, pose: Mapping[str, float], direction: np
     mujoco.mj_jacSite(model, data, jacobian, None, site)
     torque = _PUSH_N * direction @ jacobian
     torque[locked] = 0.0
+    # Dampers that let each journal tilt across its play in `_CROSSING_S` under its torque.
     damping = model.dof_damping.reshape(model.nv, -1)
     for first, second in zip(tilts[::2], tilts[1::2], strict=True):
         name = model.joint(int(model.dof_jntid[first])).name.removesuffix(".pitch")
@@ -464,12 +490,12 @@ def find_reach(written: Any, tool: str, pose: Mapping[str, float], direction: np
 def dc_motor(servo: Servo) -> dict[str, Any]:
     """Attributes of MuJoCo's ``dcmotor`` for a servo.
 
-    MuJoCo's controller asks for a torque and cuts it to what the supply's voltage gives at the
+    MuJoCo's controller demands a torque and limits it to what the supply's voltage gives at the
     present speed; ours sets a voltage. Both are the same motor with the gains P k/R and
-    D k/R + k^2/R, the back-EMF taking the latter's second part. What is lost: I term, dead band,
-    counts of the encoder, sampling.
+    D k/R + k^2/R, whose second part is the back-EMF. Lost are I term, dead band, counts of the
+    encoder, and sampling.
 
-    Its input is the goal [rad]; with a D gain a second one is the goal's speed times D / (D + k).
+    The input is the goal [rad]; with a D gain a second one is the goal's speed times D / (D + k).
     """
     gain = servo.p_gain * servo.stall
     damping = servo.d_gain * servo.stall + servo.braking
@@ -482,7 +508,7 @@ def dc_motor(servo: Servo) -> dict[str, Any]:
 
 
 def explain(servo: Servo) -> str:
-    """What a reader of the file must know of its actuator."""
+    """Comment in the file on a servo's actuator: its inputs, and what is not represented."""
     phrases = [f"servo: goal [rad], at most {servo.voltage:g} V"]
     if servo.d_gain > 0.0:
         part = servo.d_gain / (servo.d_gain + servo.torque_constant)
@@ -499,43 +525,43 @@ def explain(servo: Servo) -> str:
 
 
 def rotor_inertia(mechanism: Mechanism, joint: str) -> float:
-    """On the joint's side, of its gear or rigidly geared [kg m^2]."""
+    """Rotor inertia on the joint's side, of its gear, or rigidly geared [kg m^2]."""
     gear = mechanism.gears.get(joint)
     return mechanism.armature.get(joint, 0.0) if gear is None else gear.rotor_inertia
 
 
 def tilt_axes(axis: np.ndarray) -> dict[str, np.ndarray]:
-    """Axes of the hinges across a joint's own, unit vectors (3,), by the ends of their names."""
+    """Axes of a joint's hinges of tilt, unit vectors (3,) across its own, by their names' ends."""
     first = np.cross(axis, np.eye(3)[np.abs(axis).argmin()])
     first /= np.linalg.norm(first)
     return {"pitch": first, "roll": np.cross(axis, first)}
 
 
 class Comparison(NamedTuple):
-    """How MuJoCo's link followed the full model's."""
+    """MuJoCo's link beside the full model's, in the same reversals."""
 
     time: np.ndarray
-    """[s]."""
+    """Times [s]."""
     angle: np.ndarray
-    """Of MuJoCo's link [rad]."""
+    """Angle of MuJoCo's link [rad]."""
     error: float
     """Largest difference of the link's angle [rad]."""
     rms: float
-    """[rad]."""
+    """RMS difference of the link's angle [rad]."""
     step_seconds: float
     """Computing time of a step [s]."""
     step: float
-    """[s]."""
+    """Time step [s]."""
     tilt_error: float | None = None
-    """Largest difference of the axis' tilt, a vector, after a tenth of the time [rad]; None if the
-    file's joint cannot tilt."""
+    """Largest difference of the axis' tilt, a vector, from `SETTLED` on [rad]; None if the file's
+    joint cannot tilt."""
 
 
 def follow(written: Any, reduction: Reduction, actuator: DeadBand | None = None) -> Comparison:
-    """Move a motor of a compiled MJCF as the full model's, and compare the links.
+    """Move a motor of a compiled MJCF as in the full model's run, and compare the links.
 
-    The other joints stand as in the full model's run, whose history the reduction has. With an
-    `actuator` the file is without play, and its joint is the link, which the motor turns by it.
+    The other joints stand as in that run, whose history the reduction has. With an `actuator` the
+    file is without play: its joint is the link, which the actuator's torque turns.
     """
     mujoco = load_mujoco()
     model = _without_contacts(written)
@@ -546,6 +572,8 @@ def follow(written: Any, reduction: Reduction, actuator: DeadBand | None = None)
     motor = np.interp(grid, time, past["motor"])
     names = [model.joint(index).name for index in range(model.njnt)]
     hinge = play_hinge(model, joint)
+    # Free are the play, the tilt and, with an actuator, the link; all other joints are prescribed,
+    # by a huge inertia and the force that moves it as wanted.
     free = [hinge, f"{joint}.pitch", f"{joint}.roll", *([] if actuator is None else [joint])]
     single = (mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_HINGE)
     prescribed = [
@@ -561,6 +589,7 @@ def follow(written: Any, reduction: Reduction, actuator: DeadBand | None = None)
     moving = [int(model.joint(name).dofadr[0]) for name in free if name in names]
     model.dof_armature[np.setdiff1d(np.arange(model.nv), moving)] = _PRESCRIBED
     mujoco.mj_setConst(model, data)
+    # The link starts with the full model's angle and speed.
     data.qpos[addresses] = goals[0]
     data.qvel[dof] = (goals[1] - goals[0]) / step
     link, row = [int(model.joint(joint).qposadr[0])], int(model.joint(joint).dofadr[0])
@@ -593,7 +622,7 @@ def follow(written: Any, reduction: Reduction, actuator: DeadBand | None = None)
     duration = clock.process_time() - start
     difference = angle - np.interp(grid, time, past["full"])
     tilt_error = None
-    if tilts:  # the beginning left aside, in which the journal falls
+    if tilts:  # without the beginning, in which the journal falls
         reference = np.column_stack(
             [np.interp(grid, time, component) for component in past["tilt"].T]
         )

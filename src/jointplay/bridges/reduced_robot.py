@@ -1,4 +1,4 @@
-"""A robot whose joints' play is reduced: the files of all simulators, and a check."""
+"""A robot with reduced joints: its files for all simulators, and their check in MuJoCo."""
 
 from __future__ import annotations
 
@@ -30,21 +30,21 @@ from jointplay.scenario.posed import PosedMachine
 from jointplay.simulation.loads.drive import ENCODERS, Servo
 
 EXCEEDS = "beyond"
-"""Says in a line of `ReducedRobot.check` that what is written does not keep to what is stated."""
+"""Word in a line of `ReducedRobot.check` for a written file that exceeds its stated error."""
 PLAY_TOLERANCE = 0.01
-"""Part by which the play that MuJoCo finds may differ from that which is written."""
+"""Largest relative difference between the play found in MuJoCo and the play written."""
 
 
 def refuse_without_play(
     mechanism: Mechanism, joints: Collection[str], formats: Collection[str], tilt: bool
 ) -> None:
-    """Refuse to write files without any play of a robot that has some.
+    """Raise an error if a robot has play, but the files to be written would have none of it.
 
-    A journal has no play about its own axis, which is all that a dead band can say; JSON has the
-    numbers of its tilt and travel, too.
+    A journal has no play about its own axis, which is all that a dead band represents; JSON also
+    has the numbers of its tilt and travel.
 
     Raises:
-        JointplayError: no file but JSON would have any.
+        JointplayError: no file but JSON would have any play.
     """
     bands = any(mechanism.gears[name].unloaded_range > 0.0 for name in joints
                 if name in mechanism.gears)  # fmt: skip
@@ -70,7 +70,7 @@ def refuse_without_play(
 
 @dataclass(frozen=True)
 class ReducedRobot:
-    """A robot with these joints reduced, as files have it; MuJoCo compiles it if it is asked for.
+    """A robot with reduced joints, and its files; MuJoCo compiles it only where that is needed.
 
     Raises:
         MissingName: no such format or place for an encoder.
@@ -80,17 +80,17 @@ class ReducedRobot:
     mechanism: Mechanism
     reductions: Sequence[Reduction]
     pose: Mapping[str, float]
-    """Joint positions about which they were fitted [rad or m]."""
+    """Joint positions about which the joints were fitted [rad or m]."""
     formats: Collection[str] = tuple(FORMATS)
     tilt: bool = False
-    """Whether axes tilt in the files, too."""
+    """Whether axes tilt in the files."""
     encoder: str = "motor"
     servos: Mapping[str, Servo] = field(default_factory=dict)
-    """By joint; only MJCF has them."""
+    """Servos by joint; only MJCF has them."""
     spread: float = reduced_files.SPREAD
-    """Half width of the ranges of what is not measured, relative."""
+    """Relative half width of the ranges of numbers that are not measured."""
     plugin: str = reduced_files.PLUGIN
-    """Hardware of ros2_control's tags."""
+    """Hardware plugin of ros2_control's tags."""
 
     @classmethod
     def of(
@@ -104,20 +104,21 @@ class ReducedRobot:
         progress: bool = False,
         **options: Any,
     ) -> tuple[ReducedRobot, list[str]]:
-        """A machine that stands, with one joint reduced, or None: all that can be.
+        """Reduce a machine at a pose.
 
         Args:
-            posed: the machine, about whose pose joints reverse.
-            joint, formats, tilt: what is reduced, and how files have it.
-            reversals: their amplitude and period, see `reduce`.
+            posed: the machine at the pose about which joints reverse.
+            joint: joint to reduce; None: all that can be reduced.
+            formats, tilt: see the fields.
+            reversals: amplitude and period of the reversals, see `reduce`.
             progress: show a bar on standard error.
             options: further fields.
 
         Returns:
-            The robot; what is not reduced or was assumed, a line each.
+            The robot, and notes on joints that are not reduced and on assumptions.
 
         Raises:
-            JointplayError: see `reduce`; encoders that do not all sit alike.
+            JointplayError: see `reduce`; encoders on different sides of the gears.
         """
         mechanism, pose, holding = posed.mechanism, posed.poses.positions(), posed.poses.holding
         frictions = holding["joint_friction"] or {}
@@ -137,7 +138,9 @@ class ReducedRobot:
         sides = {name: getattr(drives.get(name), "encoder", ENCODERS[0]) for name in names}
         if len({*sides.values()}) > 1:
             places = ", ".join(f"of {name} on the {side}" for name, side in sides.items())
-            raise JointplayError(f"encoders sit {places}: --encoder says where all of the file are")
+            raise JointplayError(
+                f"encoders are {places}, but a file has all on one side: give --encoder"
+            )
         options |= {"servos": servos, "encoder": next(iter(sides.values()), ENCODERS[0])}
         notes += by_rule(mechanism, "rotor_inertia")
         return cls(mechanism, reductions, pose, formats, tilt, **options), notes
@@ -158,13 +161,13 @@ class ReducedRobot:
 
     @property
     def meshes(self) -> dict[str, bytes]:
-        """Shapes that MJCF and PROTO need, by file, for a folder of `model.meshes` beside it."""
+        """Meshes that MJCF and PROTO need, by file name, for the folder of `model.meshes`."""
         files = dict(self._compiled.meshes) if "mjcf" in self.formats else {}
         return files | (self._proto[1] if "proto" in self.formats else {})
 
     @property
     def notes(self) -> list[str]:
-        """What the files have not as the URDF has it, a line each."""
+        """Differences of the files from the URDF, a line each."""
         lines = [*self._compiled.notes] if "mjcf" in self.formats else []
         entries = self.mechanism.description.joints
         mimics = [name for name in self.mechanism.joints if entries[name].mimic]
@@ -175,7 +178,7 @@ class ReducedRobot:
         return lines
 
     def table(self) -> Table:
-        """Numbers of the joints, a row each."""
+        """Table of the reduced joints' parameters, with a row for each joint."""
         heads = ("joint", ""), ("half play", "rad"), ("friction", "N*m"), ("stiffness", "N*m/rad")
         rows = [
             (r.joint, 0.5 * r.dead_band, r.friction, r.stiffness, r.rotor_inertia)
@@ -220,12 +223,12 @@ class ReducedRobot:
 
     @cached_property
     def reach(self) -> tuple[float, PlayBudget]:
-        """How far the files' play lets the tool be off at the pose [m], and the robot's budget."""
+        """Largest error of the tool by the files' play at the pose [m], and the robot's budget."""
         return reduced_files.reach(self.mechanism, self.reductions, self.pose, self.tilting)
 
     @property
     def coverage(self) -> list[str]:
-        """What of the robot's play the files have, and which tilt they overstate, a line each."""
+        """Notes on how much of the robot's play the files have, and on tilts they overstate."""
         reach, budget = self.reach
         omitted = dict.fromkeys([*self.mechanism.clearance, *self.mechanism.gears])
         for reduction in self.reductions:
@@ -259,16 +262,16 @@ class ReducedRobot:
 
     @cached_property
     def _written(self) -> Any:
-        """MuJoCo's model of the MJCF."""
+        """The written MJCF as compiled by MuJoCo."""
         return compile_text(self._mjcf, self.meshes)
 
     @cached_property
     def _followed(self) -> list[Comparison]:
-        """How MuJoCo moves the MJCF as it is written, by reduction."""
+        """The written MJCF in the reversals of each reduction, run in MuJoCo."""
         return [follow(self._written, r) for r in self.reductions]
 
     def stated(self) -> tuple[Reduction, str]:
-        """The one reduction with the errors of what is written, and how they were found."""
+        """The only reduction with the errors of the written files, and how these were found."""
         (reduction,) = self.reductions
         if "mjcf" not in self.formats:
             return reduction, "stated errors are those of the fit: no simulator has run the files"
@@ -285,7 +288,7 @@ class ReducedRobot:
         return reduction, f"{basis}{exceptions}"
 
     def check(self) -> Iterator[str]:
-        """Run the MJCF in MuJoCo: how it differs from the full model, and which play it has."""
+        """Run the MJCF in MuJoCo; yields lines on its errors, its play and the tool's reach."""
         for reduction, comparison in zip(self.reductions, self._followed, strict=True):
             yield f"MuJoCo: {reduction.joint}: {_angle_text(comparison, reduction)}"
             if (error := comparison.tilt_error) is not None:
@@ -319,7 +322,7 @@ class ReducedRobot:
             )
 
     def _check_actuator(self) -> Iterator[str]:
-        """Run the robot without play in MuJoCo, its links turned by the actuator."""
+        """Run the robot without play in MuJoCo, with the actuator's torques on its links."""
         try:
             robot = compile_text(self.without_play(), self._rigid.meshes)
         except JointplayError as error:
@@ -333,7 +336,7 @@ class ReducedRobot:
             yield f"MuJoCo: {reduction.joint} by its actuator: {_angle_text(comparison, reduction)}"
 
     def without_play(self) -> str:
-        """MJCF of the robot for its play as an actuator: friction and damping, no dead bands."""
+        """MJCF for the play as an actuator: the robot with friction and damping, no dead bands."""
         text = self._rigid.mjcf(replace(r, dead_band=0.0) for r in self.reductions)
         step = reduced_files.actuator_step(self.mechanism, self.reductions, self.pose)
         return re.sub('timestep="[^"]*"', f'timestep="{step:.6g}"', text, count=1)

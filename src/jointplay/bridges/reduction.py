@@ -1,20 +1,25 @@
 """Reduced models of a joint's play for other simulators, fitted to the full model.
 
-What a robot simulator can bear is a hinge: a dead band between motor and link, a stiffness and a
-damping of the teeth, and dry friction. What of these a joint has comes from different places. The
-dead band about the joint's own axis is that of its gear; the bearing's clearance gives none, for
-the drive turns the journal. The bearing gives friction about the axis, in proportion to its load,
-and lets the journal tilt: a dead band across the axis.
+The model that a robot simulator can run is a hinge: a dead band between motor and link, stiffness
+and damping of the teeth, and dry friction. The dead band about the joint's own axis is that of its
+gear; the bearing's clearance gives none, as the drive turns the journal. The bearing gives friction
+about the axis, in proportion to its load, and lets the journal tilt: a dead band across the axis.
 
-The full model runs through reversals of the one joint, the others standing: friction is fitted to
-its contacts, damping to its link's motion. The written model is then run through the same
-reversals. The error it comes with is `SAFETY` times the largest difference of the link's angle, and
-of what a simulator's longer steps change.
+`reduce` fits it in these steps:
 
-Of the tilt the reduced model knows a dead band: the axis tilts, as far as both rims on opposite
-sides of the bore let it, to where the load's moment turns it. The full model's contacts give way,
+1. The full model runs through two reversals of the one joint, the others standing.
+2. Friction is fitted to the contacts' friction while they slide.
+3. Stiffness and damping of the teeth are those of the gear; the damping, and the dead band of gears
+   with hysteresis, are those of a few candidates whose link comes closest to the full model's.
+4. The stated error of the link's angle is `SAFETY` times the largest difference from the full
+   model, together with what the longer steps of a simulator change.
+5. Lateral and axial play and the tilt come from the bearing's geometry, stiffnesses from its
+   contacts at the resting load.
+
+For the tilt the reduced model has only a dead band: the axis tilts, as far as both rims on opposite
+sides of the bore let it, to where the load's moment turns it. In the full model contacts give way,
 walls hold the journal more upright, friction drags it aside, and a side force may press both rims
-to one side.
+to one side; the error of the tilt says how much that is.
 """
 
 from __future__ import annotations
@@ -67,89 +72,92 @@ from jointplay.study.runs import Arrays, Runs
 from jointplay.study.study import Memory, Study
 
 SAFETY = 3.0
-"""What the largest difference in the fit's own reversals is multiplied by: judged; MuJoCo's runs of
-the joints in docs/simulator.md differ by less than the errors so stated."""
+"""Factor from the largest difference in the fit's own reversals to the stated error (judged);
+MuJoCo's runs of the joints in docs/simulator.md differ by less than the errors so stated."""
 AMPLITUDE, PERIOD = 0.1, 2.0
-"""Of the reversals [rad, s]: judged, as a robot's joint moves about a pose."""
+"""Amplitude and period of the reversals [rad, s] (judged: a robot's joint moving about a pose)."""
 SETTLED = 0.1
-"""Part of the run after which it counts: before, the journal falls onto its bore. Judged."""
+"""Fraction of the run that is left out at the start, in which the journal falls onto its bore
+(judged)."""
 _MOVING = 0.05
-"""Part of the largest speed above which a contact slides for certain: judged."""
+"""Fraction of the largest speed above which a contact certainly slides (judged)."""
 _DAMPINGS = (0.0, 0.1, 0.2, 0.4, 0.7, 1.0, 1.5)
-"""Of the gear's damping, tried; the written one acts within the play, too."""
+"""Damping of the candidates, relative to the gear's; theirs acts within the play, too."""
 _DAMPED = 0.3
-"""Damping ratio of the largest damping tried for a gear that loses energy by friction: judged."""
+"""Damping ratio that stands for the gear's damping where the gear loses energy by friction
+(judged)."""
 _STEP_S = 2e-5
-"""Longest step of the written model's own run [s]; shorter where teeth swing faster."""
+"""Longest step of the reduced model's own run [s]; shorter where teeth vibrate faster."""
 LONGEST_STEP_S = 1e-3
-"""Of a simulator that runs the reduced model [s]: what robots are simulated with."""
+"""Longest step of a simulator that runs the reduced model [s], as is usual for robots."""
 RESOLVED = 0.2
-"""Time step by the time in which teeth swing through a radian of phase: 30 steps in a period."""
+"""Time step times angular frequency of the teeth: 30 steps in a period."""
 _CHORD = 1e-3
-"""Part of the play by which a bearing's ring must tilt further to tell a chord: else differences
-of two nearly equal angles are divided by."""
+"""Least tilt of a bearing's ring beyond its play, relative to the play, for a chord stiffness: with
+less, it would be the quotient of differences of nearly equal angles."""
 _COMPARED = 400
-"""Most records whose tilts are compared: each takes a statics of its own, and tilts change slowly.
-"""
+"""Most records whose tilts are compared: each takes a static analysis, and tilts change slowly."""
 
 
 @dataclass(frozen=True)
 class Reduction:
-    """A joint with play as a hinge, with which error; angles in rad, torques in N m.
+    """A joint with play as a hinge, with stated errors; angles in rad, torques in N m.
 
-    `dead_band` is the whole angle by which the link turns freely while the motor stands. What a
-    joint without gear, or without bearing, has not is zero.
+    `dead_band` is the whole angle by which the link turns freely while the motor stands. Without a
+    gear, or without clearance in the bearing, the fields that belong to it are zero.
     """
 
     joint: str
     dead_band: float = 0.0
     stiffness: float = 0.0
-    """Of the teeth in contact [N m/rad]."""
+    """Stiffness of the teeth in contact [N m/rad]."""
     damping: float = 0.0
-    """Between motor and link [N m s/rad]."""
+    """Damping between motor and link [N m s/rad]."""
     rotor_inertia: float = 0.0
-    """On the joint's side [kg m^2]."""
+    """Inertia of the rotor on the joint's side [kg m^2]."""
     friction: float = 0.0
     """Dry friction of bearing and joint about the axis [N m]."""
     viscous: float = 0.0
-    """[N m s/rad]."""
+    """Viscous friction of bearing and joint about the axis [N m s/rad]."""
     friction_error: float = 0.0
     """RMS difference of the bearing's friction from the full model's while it slides [N m]."""
     friction_range: tuple[float, float] = (0.0, 0.0)
     """5 % and 95 % quantiles of the full model's friction while it slides [N m]."""
     angle_error: float = 0.0
-    """Error of the link's angle in reversals [rad]: `SAFETY` times the largest of the fit, and what
-    steps of `timestep` add."""
+    """Stated error of the link's angle in reversals [rad]: `SAFETY` times the sum of the largest
+    difference in the fit and of what steps of `timestep` add."""
     angle_rms: float = 0.0
     """RMS difference of the link's angle in the fit's reversals [rad]."""
     tilt: float = 0.0
-    """How far the axis can tilt, either way [rad]."""
+    """Largest tilt of the axis within the play, either way [rad]."""
     tilt_stiffness: float = 0.0
-    """Of the tilt beyond that, at the resting load [N m/rad]."""
+    """Stiffness of the tilt beyond that, at the resting load [N m/rad]."""
     lateral: float = 0.0
-    """How far the journal can be aside, either way [m]."""
+    """Largest lateral displacement of the journal, either way [m]."""
     axial: float = 0.0
-    """How far it can be along, either way [m]."""
+    """Largest axial displacement of the journal, either way [m]."""
     contact_stiffness: float = 0.0
-    """Of a radial contact at the resting load: chord of the law; of rolling bearings the mean
-    stiffness across the axis [N/m]."""
+    """Stiffness of a radial contact at the resting load [N/m]: chord of the law; for rolling
+    bearings the mean stiffness across the axis."""
     load: tuple[float, ...] = (0.0,) * 6
-    """Gravity on the bearing in its axes: force [N] and moment [N m]."""
+    """Load of gravity on the bearing in its axes: force [N] and moment [N m]."""
     pose: Mapping[str, float] = field(default_factory=dict)
     """Joint positions about which it was fitted [rad or m]."""
     half_length: float = 0.0
-    """Of the journal; zero if it cannot tilt [m]."""
+    """Half of the journal's length; zero if it cannot tilt [m]."""
     tilt_error: float = 0.0
-    """Error of the tilt, size and direction, in reversals: `SAFETY` times the largest [rad]."""
+    """Stated error of the tilt, size and direction, in reversals: `SAFETY` times the largest
+    difference [rad]."""
     tilt_rms: float = 0.0
     """RMS difference of the tilt in the fit's reversals [rad]."""
     history: Mapping[str, np.ndarray] = field(default_factory=dict, compare=False, repr=False)
-    """Of the fit: time [s], motor, full model's link and reduced model's link [rad]; if the journal
-    tilts, where the full model's axis points beside the bearing's, `tilt`, world axes (n, 3)."""
+    """Histories of the fit: `time` [s]; angles of the `motor`, the `full` model's link and the
+    `reduced` model's link [rad]; if the journal tilts, the direction of the full model's axis less
+    that of the bearing's, `tilt`, world axes (n, 3)."""
 
     @property
     def timestep(self) -> float:
-        """A step that resolves the teeth's stiffness, at most a millisecond [s]."""
+        """Time step that resolves the rotor's vibration on the teeth, at most a millisecond [s]."""
         if self.stiffness <= 0.0:
             return LONGEST_STEP_S
         swing = math.sqrt(self.rotor_inertia / self.stiffness)
@@ -180,7 +188,7 @@ class Reduction:
 
 
 def from_mjcf_file(description: Description) -> bool:
-    """Whether a robot was read of an MJCF that is there."""
+    """Whether a robot was read from an MJCF file that still exists."""
     return (
         description.beyond.hinges is not None
         and not description.stored
@@ -202,15 +210,15 @@ def reduce(
     """Fit the reduced model of a revolute joint with clearance, or a gear with play, or both.
 
     Args:
-        pose: joint positions about which the joint reverses [rad or m]; the rest zero. Where limits
-            are nearer than the amplitude, it reverses beside them.
-        amplitude, period: of the reversals [rad, s].
-        joint_friction: of the joint besides its bearing's; None takes the URDF's, and none of an
-            MJCF's, where it stays before the play.
+        pose: joint positions about which the joint reverses [rad or m]; the rest zero. It is moved
+            away from a limit that is nearer than the amplitude.
+        amplitude, period: amplitude and period of the reversals [rad, s].
+        joint_friction: friction of the joint besides its bearing's; None: that of a URDF, but none
+            for an MJCF, where it stays before the play.
 
     Raises:
         MissingName: no such joint with play.
-        JointplayError: loops; a joint that slides or is a ball; a run that failed.
+        JointplayError: loops; a sliding joint or a ball joint; a run that failed.
     """
     require_a("mechanism", mechanism, "Mechanism")
     names = _joints_with_play(mechanism)
@@ -227,7 +235,7 @@ def reduce(
     isolated = mechanism.with_clearance(bearings, gears)
     entry, positions = mechanism.description.joints[joint], dict(pose or {})
     middle = positions.get(joint, 0.0)
-    if entry.lower is not None and entry.upper is not None:  # it reverses within its limits
+    if entry.lower is not None and entry.upper is not None:  # reverse within the limits
         amplitude = min(amplitude, 0.5 * (entry.upper - entry.lower))
         middle = min(max(middle, entry.lower + amplitude), entry.upper - amplitude)
     positions[joint] = middle
@@ -238,6 +246,7 @@ def reduce(
         "friction": friction.coulomb + bearing.pop("dry", 0.0),
         "viscous": friction.viscous + bearing.pop("viscous", 0.0),
     }
+    # The gear: the reduced model's link beside the full one's, its motor moving as there.
     link = _Link(isolated, joint, positions, **fields)
     settled = result.time >= SETTLED * result.time[-1]
     time, q, v = result.time[settled], result["q"].values[settled], result["v"].values[settled]
@@ -251,10 +260,11 @@ def reduce(
         fields |= {"dead_band": fitted.play, "stiffness": fitted.stiffness, "damping": damping}
         fields["rotor_inertia"] = fitted.rotor_inertia
         step = Reduction(joint, **fields).timestep
+        # A simulator's longer step changes the link's angle: that is part of the error.
         coarse = link.run(time, motor, fitted, damping, start, step)
         step_error = float(np.abs(coarse - reduced).max())
     history = {"time": time, "motor": motor, "full": full, "reduced": reduced}
-    fields |= bearing | _across(isolated, clearance, positions)
+    fields |= bearing | _across_the_axis(isolated, clearance, positions)
     if (tilts := _compare_tilts(isolated, joint, q)) is not None:
         history["tilt"], largest, rms = tilts
         fields |= {"tilt_error": SAFETY * largest, "tilt_rms": rms}
@@ -275,21 +285,24 @@ def reduce_all(
     jobs: int | None = None,
     store: Path | None = None,
 ) -> tuple[list[Reduction], dict[str, str]]:
-    """Reduce every joint that has play, each alone, as `reduce` does.
+    """Reduce every joint that has play, each by itself, with `reduce`.
 
     Args:
+        mechanism, pose, amplitude, period, progress: see `reduce`.
+        joint_friction: friction by joint; see `reduce`.
         jobs: processes; None takes one for each core.
-        store: file that keeps each joint that is done, for the next call with the same robot.
+        store: file that keeps each reduced joint, for the next call with the same robot.
 
     Returns:
-        The reductions, and why other joints with play have none, by joint.
+        The reductions, and by joint the reasons why other joints with play have none.
 
     Raises:
-        KeyboardInterrupt: interrupted; it says how much is kept.
+        KeyboardInterrupt: interrupted; says how many joints are kept.
     """
     names = _joints_with_play(mechanism)
     if not names:
         raise NothingHasPlay(mechanism.joints)
+    # A study with a case for each joint; reductions and refusals alike are its values.
     refused = {name: reason for name in names if (reason := _refusal(mechanism, name))}
     reducible = {name: name for name in names if name not in refused}
     frictions = dict(joint_friction or {})
@@ -342,7 +355,7 @@ def _packed(
     frictions: Mapping[str, JointFriction],
     name: str,
 ) -> Arrays:
-    """The reduction of a joint as a file of runs keeps it, or the message of what refused it."""
+    """The reduction of a joint as a store keeps it, or the message of the error that refused it."""
     options: dict[str, Any] = {"amplitude": amplitude, "period": period, "progress": True}
     try:
         reduction = reduce(mechanism, name, pose, joint_friction=frictions.get(name), **options)
@@ -371,6 +384,7 @@ def _joints_with_play(mechanism: Mechanism) -> list[str]:
 
 
 def _refusal(mechanism: Mechanism, joint: str) -> str:
+    """Reason why a joint with play cannot be reduced to a hinge; empty if it can."""
     clearance = mechanism.clearance.get(joint)
     if joint in mechanism.mounts:
         return f"joint {joint!r} is a mount, which does not turn"
@@ -386,10 +400,11 @@ def _refusal(mechanism: Mechanism, joint: str) -> str:
 
 
 def _equivalent_gears(gear: Gearing, peak: float, inertia: float) -> list[Gear]:
-    """What a dead band, one stiffness and a damper can say of a gear of any kind, to be tried.
+    """Candidates of linear gears, a dead band with one stiffness and a damper, for any gear.
 
-    The stiffness is that up to the largest torque, `top` [N m]. Hysteresis is a dead band where the
-    load turns its sign, and none where it does not; a damper stands for what it loses.
+    The stiffness is the chord up to the largest torque, `peak` [N m]. Hysteresis acts as a dead
+    band where the load changes its sign, and as none where it does not: both are candidates; a
+    damper stands for the energy that it loses.
     """
     if isinstance(gear, Gear):
         return [gear]
@@ -411,6 +426,7 @@ def _full_run(
     friction: JointFriction | None,
     progress: bool,
 ) -> Result:
+    """Run the full model through two periods of reversals of a joint, all others standing."""
     names = moving(mechanism)
     for name in pose:
         require_known("moving joint", name, names)
@@ -424,19 +440,22 @@ def _full_run(
     if mechanism.clearance:
         step = fitting_step(mechanism, q)
     teeth = [tooth_duration(mechanism, name, q) for name in mechanism.gears]
-    if teeth and step > min(teeth) / MIN_CONTACT_STEPS:  # of light links: else the run is refused
+    if teeth and step > min(teeth) / MIN_CONTACT_STEPS:  # light links: the run would be refused
         step = min(teeth) / WELL_RESOLVED_STEPS
     simulation = Simulation(
         mechanism, motion, drive=Prescribed(), step=step, record_every=max(round(2e-4 / step), 1),
         joint_friction=None if friction is None else {joint: friction}, loads={},
     )  # fmt: skip
-    # Nobody reads how far the step is off; reactions are read of bearings only.
+    # The step's error is not needed; nor are all histories, unless the bearing's loads are.
     only = None if mechanism.clearance else ("q", "v", "gear_torque")
     result = simulation.run(progress, check_step=False, estimate=False, only=only)
     return result.completed("the run of the full model")
 
 
 def _fit_friction(result: Result, mechanism: Mechanism, joint: str) -> dict[str, Any]:
+    """Dry and viscous friction of the bearing, by non-negative least squares of its friction torque
+    over the speed while it slides, with the fit's error and range; empty without sliding.
+    """
     clearance = mechanism.clearance.get(joint)
     if clearance is None or clearance.hinge is None:
         return {}
@@ -462,7 +481,7 @@ def _fit_friction(result: Result, mechanism: Mechanism, joint: str) -> dict[str,
 
 
 class _Link:
-    """The written model: one body about a fixed axis, driven through play, with friction."""
+    """The reduced model: one body about a fixed axis, driven through play, with friction."""
 
     def __init__(
         self, mechanism: Mechanism, joint: str, pose: Mapping[str, float], friction: float,
@@ -477,7 +496,7 @@ class _Link:
         for angle in (0.0, math.pi / 2.0, math.pi):
             q[index] = angle
             torques.append(-float(pin.computeGeneralizedGravity(ideal.model, ideal.data, q)[index]))
-        # Gravity about a fixed axis: c + a cos(angle) + b sin(angle).
+        # Torque of gravity about a fixed axis: mean + even cos(angle) + odd sin(angle).
         self.even = 0.5 * (torques[0] - torques[2])
         self.mean = 0.5 * (torques[0] + torques[2])
         self.odd = torques[1] - self.mean
@@ -491,7 +510,9 @@ class _Link:
         start: tuple[float, float],
         full: np.ndarray,
     ) -> tuple[Gear, float, np.ndarray]:
-        """Gear and damping [N m s/rad] whose link comes closest to `full`, and its angle then."""
+        """Gear and damping [N m s/rad] of the candidate whose link comes closest to `full` in the
+        least-squares sense, and its link's angle.
+        """
         angles = {}
         for gear in gears:
             for factor in _DAMPINGS:
@@ -509,10 +530,10 @@ class _Link:
         start: tuple[float, float],
         step: float | None = None,
     ) -> np.ndarray:
-        """The link's angle at the times `time` (n,) while the motor turns as given, (n,) [rad].
+        """Angle of the link at `time` (n,) while the motor turns as given, (n,) [rad].
 
-        From an angle [rad] and a speed [rad/s] on, `start`, in steps of at most `step` [s], or fine
-        ones.
+        It begins at `start`, an angle [rad] and a speed [rad/s]; steps are at most `step` [s], or
+        fine.
         """
         half, stiffness = gear.play / 2.0, gear.stiffness
         if step is None:
@@ -540,10 +561,18 @@ def _follow(
     start: tuple[float, float],
     angles: np.ndarray,
 ) -> None:
-    """Angles of a link, (n,), while the motor turns as given by its angles and speeds, (n,).
+    """Fill in the angles of a link (n,) while the motor turns by its angles and speeds (n,).
 
-    Of the teeth half their play, stiffness and damping, of the link inertia, viscous and dry
-    friction, of its weight mean, even and odd torque; angle and speed at the start.
+    Semi-implicit Euler steps; dry friction is a shrinkage of the speed, so that the link sticks.
+
+    Args:
+        lead, speeds: angles and speeds of the motor.
+        step: time step.
+        teeth: half the play, stiffness and damping of the gear.
+        link: inertia, viscous and dry friction.
+        weight: mean, even and odd torque of gravity; see `_Link`.
+        start: angle and speed of the link at the start.
+        angles: output.
     """
     half, stiffness, damping = teeth
     inertia, viscous, friction = link
@@ -563,9 +592,10 @@ def _follow(
         angle += step * speed
 
 
-def _across(
+def _across_the_axis(
     mechanism: Mechanism, clearance: Clearance | None, pose: Mapping[str, float]
 ) -> dict[str, Any]:
+    """Play of the bearing across and along its axis, with stiffnesses at the resting load."""
     if clearance is None or clearance.hinge is None:
         return {}
     hinge = clearance.hinge
@@ -582,7 +612,7 @@ def _across(
         if moment > 0.0 and tilted > (1.0 + _CHORD) * tilt:
             tilt_stiffness = moment / (tilted - tilt)  # the chord beyond the play
     else:
-        # Each rim carries half the force, and what the moment over the length asks for.
+        # Load of a rim: half the force, and the moment over the length.
         push = math.hypot(load[0], load[1]) / 2.0
         push += math.hypot(load[3], load[4]) / hinge.length if hinge.tilts else push
         push = max(push, 1.0)
@@ -597,11 +627,12 @@ def _across(
 def _compare_tilts(
     mechanism: Mechanism, joint: str, q: np.ndarray
 ) -> tuple[np.ndarray, float, float] | None:
-    """A journal's tilt in the configurations q (n, nq) of a run; None if the joint has none.
+    """Compare a journal's tilt in the configurations q (n, nq) of a run with the reduced model's.
 
     Returns:
-        Where the journal's axis points beside the bearing's, world axes, (n, 3) [rad]; and the
-        largest and the RMS difference of the reduced model's tilt, a vector, from it [rad].
+        Direction of the journal's axis less that of the bearing's, world axes, (n, 3) [rad]; and
+        the largest and the RMS difference of the reduced model's tilt, a vector, from it [rad].
+        None if the journal cannot tilt.
     """
     clearance = mechanism.clearance.get(joint)
     if clearance is None or clearance.hinge is None or not clearance.hinge.tilts:
@@ -615,6 +646,7 @@ def _compare_tilts(
         axis = (data.oMi[b] * bearing).rotation[:, 2]
         full[i] = (data.oMi[j] * journal).rotation[:, 2] - axis
         axes[i] = seat.rotation
+    # The reduced model: the axis tilts to the end of the play, where the load's moment turns it.
     records = np.unique(np.linspace(0, len(q) - 1, min(_COMPARED, len(q))).astype(int))
     upright = q[records].copy()
     for part in clearance.freedoms:
@@ -624,7 +656,7 @@ def _compare_tilts(
     moment = plays.load[plays.names.index(joint), :, 3:5]
     unit = toward(moment, np.zeros_like(moment))
     _, tilt = clearance.play(second_order=False).reach
-    # The body turns about its moment; its axis goes across it.
+    # The body turns about the direction of the moment, so its axis moves perpendicular to that.
     sign = -1.0 if clearance.exchanged else 1.0
     tilts = sign * tilt * np.column_stack([unit[:, 1], -unit[:, 0], np.zeros(len(unit))])
     reduced = np.einsum("nij,nj->ni", axes[records], tilts)

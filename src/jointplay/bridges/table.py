@@ -1,8 +1,8 @@
-"""Histories as a wide table: one row a record, one column a number.
+"""Histories as a wide table: a row for each record, a column for each number.
 
-Columns are called by the variable and by what it has along its other dimensions:
-``tool_position.x``, ``q.joint_b.yaw``, ``normal_force_peak.joint_b.radial_A``. Contacts that a
-joint does not have give no column.
+Columns are named by the variable and its labels along the other dimensions: ``tool_position.x``,
+``q.joint_b.yaw``, ``normal_force_peak.joint_b.radial_A``. Contacts that a joint does not have give
+no column.
 """
 
 from __future__ import annotations
@@ -24,8 +24,9 @@ if TYPE_CHECKING:
     import pandas as pd
 
 _BLOCK = 1000
-"""Rows that are written before the progress is shown."""
+"""Rows written between updates of the progress bar."""
 EFFORT_UNITS = {"rad": "N m", "m": "N"}
+"""Unit of a drive's effort, by the unit of its coordinate."""
 
 
 def columns(result: Result) -> dict[str, tuple[np.ndarray, str]]:
@@ -54,10 +55,10 @@ def _unit(result: Result, name: str, index: tuple[int, ...]) -> str:
 
 
 def dataframe(result: Result, every: int = 1) -> pd.DataFrame:
-    """A pandas table, one row a record, one column a number; its index is the `time` [s].
+    """The table in pandas, with a row for each record; its index is the `time` [s].
 
-    ``attrs["units"]`` has the units by column and of the time, ``attrs["message"]`` how the run
-    ended.
+    ``attrs["units"]`` has the units by column and of the time; ``attrs["message"]`` says how the
+    run ended.
 
     Raises:
         JointplayError: `every` is not a whole number from 1 on.
@@ -77,7 +78,7 @@ def dataframe(result: Result, every: int = 1) -> pd.DataFrame:
 def csv(result: Result, suffix: str, progress: bool) -> bytes:
     """Text with a header line of names and units, ``tool_position.x [m]``.
 
-    Numbers have the digits it takes to read them back bit for bit.
+    Numbers have enough digits to be read back bit for bit.
     """
     table = dataframe(result)
     units = table.attrs["units"]
@@ -106,7 +107,7 @@ def parquet(result: Result, suffix: str, progress: bool) -> bytes:
 
 
 _MOST_LETTERS = 63
-"""Of a name in MATLAB."""
+"""Longest name in MATLAB."""
 
 
 def mat(result: Result, suffix: str, progress: bool) -> bytes:

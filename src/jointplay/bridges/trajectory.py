@@ -1,8 +1,8 @@
 """Joint trajectories with the URDF's joint names, as robots' controllers take them.
 
-A joint with clearance has up to six coordinates; what its encoder sees is the one that the ideal
-joint would have, and goes by the joint's name. Ball joints have no such coordinate and are left
-out, as are motors behind gears.
+A joint with clearance has up to six coordinates; its encoder reads the one that the ideal joint
+would have, which has the joint's name here. Ball joints have no such coordinate and are left out,
+as are motors before gears.
 """
 
 from __future__ import annotations
@@ -23,26 +23,27 @@ from jointplay.simulation.result.result import Result
 from jointplay.simulation.result.stored import stored_coordinates
 
 POINT_S = 0.01
-"""Interval of the points of a motion that is written [s]."""
+"""Interval between the points of a motion that is written [s]."""
 MESSAGE = "trajectory_msgs/msg/JointTrajectory"
+"""ROS 2 type of the message."""
 _NANO = 1_000_000_000
 _BLOCK = 500
-"""Points that are written before the progress is shown."""
+"""Points written between updates of the progress bar."""
 
 
 @dataclass(frozen=True)
 class Trajectory:
-    """What the joints did, by record."""
+    """Motion of the joints, by record."""
 
     time: np.ndarray
-    """(n,) [s]."""
+    """Times (n,) [s]."""
     joints: tuple[str, ...]
     position: np.ndarray
-    """(n, joints) [rad, or m for prismatic joints]."""
+    """Positions (n, joints) [rad, or m for prismatic joints]."""
     velocity: np.ndarray
-    """The same, per second."""
+    """Velocities (n, joints) [rad/s or m/s]."""
     effort: np.ndarray
-    """Of the drives (n, joints) [N m or N]; (n, 0) where they are not known."""
+    """Efforts of the drives (n, joints) [N m or N]; (n, 0) if unknown."""
 
 
 def encoders(result: Result) -> dict[str, int]:
@@ -62,7 +63,7 @@ def encoders(result: Result) -> dict[str, int]:
 
 
 def joint_trajectory(result: Result) -> Trajectory:
-    """Positions, velocities and drive efforts of the joints as their encoders see them."""
+    """Positions, velocities and drive efforts of a result's joints, as their encoders read them."""
     indices = encoders(result)
     if not indices:
         raise JointplayError("no joint of this result has one coordinate: there is no trajectory")
@@ -72,7 +73,7 @@ def joint_trajectory(result: Result) -> Trajectory:
 
 
 def stamp(time: float) -> dict[str, int]:
-    """A time [s] as ROS has it: whole seconds and nanoseconds, rounded to these."""
+    """A time [s] as ROS has it: seconds and nanoseconds, rounded to these."""
     seconds, nanoseconds = divmod(round(float(time) * _NANO), _NANO)
     return {"sec": seconds, "nanosec": nanoseconds}
 
@@ -97,7 +98,7 @@ def message(motion: Trajectory) -> dict[str, Any]:
 
 
 def of_motion(motion: Motion, interval: float = POINT_S) -> Trajectory:
-    """A reference motion at points so far apart [s], without efforts."""
+    """Trajectory of a reference motion at points `interval` apart [s], without efforts."""
     count = max(round((motion.duration - motion.times[0]) / interval), 1) + 1
     time = np.linspace(float(motion.times[0]), motion.duration, count)
     position, velocity, _ = motion(time)
@@ -110,7 +111,7 @@ def trajectory(result: Result, suffix: str, progress: bool) -> bytes:
 
 
 def content(motion: Trajectory, suffix: str, progress: bool = False) -> bytes:
-    """The same of any trajectory.
+    """Content of a file with any trajectory, YAML or CSV by its suffix.
 
     Raises:
         JointplayError: a library of the extra ``ros`` is missing.

@@ -1,10 +1,9 @@
-"""A URDF as measured: joints where a calibration found them, and play in it.
+"""A robot's URDF with calibrated joint placements, and with the freedoms of bearings' clearance.
 
-Each joint with clearance becomes the chain of its virtual link.
-
-Other simulators then have the freedoms that play adds. The bearings themselves - round, elastic,
-with friction - cannot be said in a URDF; limits take their place: a box about twice the clearance,
-or of a rolling bearing, to which no contacts can be added, as far as its inner ring is free.
+Each joint with clearance becomes the chain of its virtual link, so that other simulators have the
+freedoms that play adds. The bearings themselves - round, elastic, with friction - cannot be
+described in a URDF; limits take their place: a box of twice the clearance, and for a rolling
+bearing, to which no contacts can be added, the free travel of its inner ring.
 """
 
 from __future__ import annotations
@@ -22,41 +21,40 @@ from jointplay.model.mechanism import Mechanism
 from jointplay.physics.joints import VIRTUAL_LINK
 
 LIMIT_FACTOR = 2.0
-"""Limits per clearance: beyond it, so that contacts added to the file act before the limits."""
+"""Limits relative to the clearance: wider, so that contacts added to the file act before them."""
 
 MASS_FRACTION = 1e-6
 """Mass of each link within a virtual link, relative to that of the body it carries.
 
-Other simulators want no massless links between moving joints. Each is a ball as large as the
+Other simulators do not take massless links between moving joints. Each is a ball as large as the
 bearing's bore.
 """
 LEAST_MASS = 1e-9
-"""If the body it carries has next to none [kg]."""
+"""Least mass of such a link [kg]."""
 
 SPEED = {"prismatic": 10.0, "revolute": 100.0}
-"""Velocity limits of the freedoms that play adds, for the format demands some [m/s or rad/s]."""
+"""Velocity limits of the freedoms that play adds, as the format requires some [m/s or rad/s]."""
 
 
 @known_keywords
 def to_urdf(mechanism: Mechanism, corrections: Mapping[str, pin.SE3] | None = None) -> str:
     """Text of the mechanism's URDF in which each joint with clearance is a chain of single joints.
 
-    The joint J becomes J.x, J.y, J.z, J, J.pitch, J.roll, but for what is locked: the coordinates
-    of `mechanism`, J being the one that a drive acts on. It keeps its name, type, limits, dynamics
-    and whatever else it had, so that transmissions, mimics and controllers find it. The axes
-    are those of the bearing frame, given in the joint's own frame, which therefore
-    needs no turning: poses and inertias of all bodies stay as written. All other text stays byte
-    for byte.
+    The joint J becomes J.x, J.y, J.z, J, J.pitch, J.roll, without locked ones: the coordinates of
+    `mechanism`, J being the one that a drive acts on. That one keeps its name, type, limits,
+    dynamics and all else, so that transmissions, mimics and controllers find it. The axes are those
+    of the bearing frame, expressed in the joint's own frame, which need not be turned: poses and
+    inertias of all bodies stay as written. All other text stays byte for byte.
 
     Args:
-        mechanism: whose URDF.
-        corrections: by joint, where it is, in the frame of its origin, such as
-            `Calibration.corrections`; its origin says so then.
+        mechanism: the mechanism whose URDF is written.
+        corrections: by joint, its calibrated pose in the frame of its origin, such as
+            `Calibration.corrections`; it is written into the origin.
 
     Raises:
-        MissingName: a correction of a joint that the URDF has not.
-        JointplayError: the mechanism has loops or gears, which URDF cannot express, a joint has no
-            play, such as a preloaded bearing, or one of the new names is taken.
+        MissingName: a correction of a joint that the URDF does not have.
+        JointplayError: the mechanism has loops or gears, which a URDF cannot describe, a joint has
+            no play, such as a preloaded bearing, or one of the new names is taken.
     """
     require_a("mechanism", mechanism, "Mechanism")
     for name in (*mechanism.loops, *mechanism.gears):
@@ -73,6 +71,7 @@ def to_urdf(mechanism: Mechanism, corrections: Mapping[str, pin.SE3] | None = No
     corrections = corrections or {}
     for name in corrections:
         require_known("joint", name, elements)
+    # The text between the joints that change is copied as it is.
     for name, start, stop in _spans(data, "joint"):
         if name in corrections:
             origin = origin_of(place_of(elements[name]) * corrections[name])
@@ -94,8 +93,7 @@ def to_urdf(mechanism: Mechanism, corrections: Mapping[str, pin.SE3] | None = No
 
 
 def _spans(data: bytes, sought: str) -> list[tuple[str, int, int]]:
-    """Name of each element just below the root with this tag, and where in the file it begins and
-    ends [bytes]."""
+    """Name, first byte and end byte of each child of the root with this tag."""
     spans, depth, begun = [], 0, ("", 0)
     # The text has been decoded, whatever encoding its first line declares.
     parser = expat.ParserCreate(encoding="utf-8")
@@ -121,7 +119,7 @@ def _spans(data: bytes, sought: str) -> list[tuple[str, int, int]]:
 
 
 def _with_origin(joint: bytes, origin: Element) -> bytes:
-    """The text of a joint with another origin; all else stays as written."""
+    """Text of a joint with another origin; all else stays as written."""
     text = ElementTree.tostring(origin)
     for _, start, stop in _spans(joint, "origin"):
         return joint[:start] + text + joint[stop:]
@@ -130,6 +128,7 @@ def _with_origin(joint: bytes, origin: Element) -> bytes:
 
 
 def _chain(mechanism: Mechanism, name: str, original: Element) -> list[Element]:
+    """Joints and links of a joint's virtual link, from its parent link to its child."""
     joint = mechanism.clearance[name]
     if max(joint.play(second_order=False).reach) == 0.0:
         raise JointplayError(
@@ -138,13 +137,13 @@ def _chain(mechanism: Mechanism, name: str, original: Element) -> list[Element]:
         )
     entry = mechanism.description.joints[name]
     child = mechanism.model.getFrameId(entry.child, pin.FrameType.BODY)
-    # The mechanism turned the child's frame back from the bearing's: this is the way there.
+    # Columns: axes of the bearing in the child's own frame, which is that of the URDF's joint.
     axes = mechanism.model.frames[child].placement.rotation.T
     carried = mechanism.model.inertias[mechanism.model.getJointId(name)].mass
     chain: list[Element] = []
     link = entry.parent
     for freedom in joint.freedoms:
-        group = VIRTUAL_LINK.index(freedom) // 3
+        group = VIRTUAL_LINK.index(freedom) // 3  # 0: translations x, y, z; 1: rotations z, y, x
         axis = axes[:, "xyz".index(freedom) if group == 0 else 2 - VIRTUAL_LINK[3:].index(freedom)]
         if freedom == joint.drive_coordinate:
             element = Element("joint", original.attrib)
@@ -162,6 +161,7 @@ def _chain(mechanism: Mechanism, name: str, original: Element) -> list[Element]:
         last = freedom == joint.freedoms[-1]
         following = entry.child if last else f"{name}.{freedom}_link"
         links = [Element("parent", link=link), Element("child", link=following)]
+        # The first joint of the chain has the origin of the original, the last one its child.
         if not chain and (origin := original.find("origin")) is not None:
             links.append(origin)
         for index, end in enumerate(links):

@@ -1,10 +1,10 @@
-"""A whole robot with the play of its joints as OpenUSD: UsdPhysics, Newton's and PhysX's schemas.
+"""A robot with the play of its joints as OpenUSD, with UsdPhysics and Newton's and PhysX's schemas.
 
 Play is a revolute joint in series, `J_play`, behind a body that is the motor's rotor; its limits
-are the dead band and their spring the teeth. Friction, damping and the limits' springs are not in
-UsdPhysics: they are attributes of Newton's `NewtonJointAPI`, which other programs may ignore, and
-friction and damping also of `PhysxJointAxisAPI` (Isaac Sim), whose schema need not be there.
-Bodies have masses and no shapes.
+are the dead band, and their spring the teeth. UsdPhysics has no friction, damping or springs of
+limits: they are attributes of Newton's `NewtonJointAPI`, which other programs may ignore; friction
+and damping also of `PhysxJointAxisAPI` (Isaac Sim), whose schema need not be installed. Bodies have
+masses and no shapes.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ def to_usd(mechanism: Mechanism, *reductions: Reduction) -> str:
     """The robot as text of a USD stage (.usda): metres, kilograms, z upwards; angles in degrees.
 
     Raises:
-        JointplayError: a package is missing; a robot that is no tree of `bodies`.
+        JointplayError: a package is missing; see `bodies` for robots that cannot be written.
     """
     stage = _Stage(mechanism)
     paths = {"": stage.base}
@@ -94,7 +94,7 @@ class _Stage:
         return kind(quaternion.w, quaternion.x, quaternion.y, quaternion.z)
 
     def body(self, name: str, place: pin.SE3, inertia: pin.Inertia) -> Any:
-        """Add a body; its path."""
+        """Add a body; returns its path."""
         body = self.geom.Xform.Define(self.stage, f"{self.root}/{self._name(name)}")
         double = self.geom.XformOp.PrecisionDouble
         at, turn = place.translation.tolist(), self._turned(place.rotation, self.gf.Quatd)
@@ -112,7 +112,7 @@ class _Stage:
         return prim.GetPath()
 
     def joint(self, body: Body, parent: Any, child: Any) -> Any:
-        """Add the joint that moves a body, about z of its frames; its prim."""
+        """Add the joint that moves a body, about z of its own frames; returns its prim."""
         kind = self.physics.PrismaticJoint if body.slides else self.physics.RevoluteJoint
         joint = kind.Define(self.stage, f"{self.root}/{self._name(body.name)}")
         joint.CreateBody0Rel().SetTargets([parent])
@@ -131,13 +131,14 @@ class _Stage:
         return joint.GetPrim()
 
     def newton(self, prim: Any, **values: float) -> None:
+        """Set attributes of Newton's schema for joints."""
         prim.AddAppliedSchema("NewtonJointAPI")
         kind = self.sdf.ValueTypeNames.Float
         for name, value in values.items():
             prim.CreateAttribute(f"newton:{name}", kind, custom=False).Set(float(value))
 
     def physx(self, prim: Any, axis: str, body: Body, per: float) -> None:
-        """Friction [N m or N] and damping, by degrees where the joint turns.
+        """Set friction [N m or N] and damping, per degree where the joint turns, for PhysX.
 
         https://docs.omniverse.nvidia.com/kit/docs/omni_physics/latest/dev_guide/joints/physx_joint_schema.html
         """

@@ -1,7 +1,7 @@
-"""A robot with play as a PROTO of Webots, which urdf2webots makes of the URDF with play.
+"""A robot with play as a PROTO of Webots, converted by urdf2webots from the URDF with play.
 
-That converter gives every hinge a motor, and takes its limits for the motor's: those of play are
-made passive here, with stops, as in Webots' own HingeJointWithBacklash, whose gear has no inertia.
+That converter gives every hinge a motor, with the hinge's limits. Hinges of play are made passive
+here, with stops, as in Webots' own HingeJointWithBacklash, whose gear has no inertia.
 """
 
 from __future__ import annotations
@@ -26,16 +26,16 @@ from jointplay.model.mechanism import Mechanism
 from jointplay.model.meshes import FOLDER
 
 NAME = "Robot"
-"""Of the PROTO, which Webots wants to be its file's."""
+"""Provisional name of the PROTO; Webots requires the name of its file."""
 
 
 def to_proto(
     mechanism: Mechanism, reductions: Iterable[Reduction], encoder: str = "motor"
 ) -> tuple[str, dict[str, bytes]]:
-    """The robot as a PROTO, and its meshes by their files' names, for `FOLDER`.
+    """The robot as a PROTO, and its meshes by file name, for `FOLDER`.
 
-    Each joint J has a RotationalMotor `J` and a PositionSensor `J_sensor`. Encoders on the link:
-    there is a `J_play_sensor`, too, and the sum of both is the link's angle.
+    Each joint J has a RotationalMotor `J` and a PositionSensor `J_sensor`. With encoders on the
+    link there is also a `J_play_sensor`; the sum of both is the link's angle.
 
     Raises:
         MissingName: no such place for an encoder.
@@ -56,7 +56,7 @@ def to_proto(
         path = Path(folder) / f"{NAME}.proto"
         try:
             convertUrdfContent(urdf, output=str(path), relativePathPrefix=folder, normal=True)
-        except (SystemExit, Exception) as error:  # it ends programs, and checks little
+        except (SystemExit, Exception) as error:  # it may call exit, or fail in any way
             reason = " ".join(str(error).split())
             raise JointplayError(f"urdf2webots cannot convert the robot: {reason}") from error
         text = path.read_text()
@@ -72,7 +72,7 @@ def to_proto(
 
 
 def _turn_upright(inertial: Element) -> None:
-    """Have a link's moments of inertia about its own axes: urdf2webots turns them the wrong way."""
+    """Express a link's moments of inertia in its own axes, as urdf2webots turns them wrongly."""
     origin, inertia = inertial.find("origin"), inertial.find("inertia")
     if origin is None or inertia is None or "rpy" not in origin.attrib:
         return
@@ -86,7 +86,7 @@ def _turn_upright(inertial: Element) -> None:
 
 
 def _passive(text: str, reduction: Reduction, sensor: bool) -> str:
-    """The PROTO with stops, not a motor, in the hinge of a joint's play."""
+    """The PROTO with stops in place of the motor in the hinge of a joint's play."""
     play, half = f"{reduction.joint}_play", 0.5 * reduction.dead_band
     motor = text.find(f'name "{play}"\n')
     if motor < 0:

@@ -91,7 +91,7 @@ def is_readings(path: str | Path) -> bool:
 
 
 def is_stairs(path: str | Path) -> bool:
-    """Whether a table of readings (`is_readings`) is one of moves forth and back, without push."""
+    """Whether a table of readings (`is_readings`) is one of moves back and forth, without push."""
     titles = [
         cell.strip().partition(" ")[0] for cell in files.csv_rows(Path(path), "readings")[0][1]
     ]

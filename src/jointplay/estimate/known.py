@@ -6,7 +6,7 @@ is enough to call the value known (`Estimate.known`) is decided by one of these 
 - Recordings of a machine that is expected to have the play (`identify`): `narrow`, half of the
   interval is at most half of the value (`LARGEST_SHARE`). So for all unknowns of recordings, and
   the compliance that a dial gauge tells.
-- Dial gauges, moves forth and back, static poses and pairs of encoders, by which a joint may turn
+- Dial gauges, moves back and forth, static poses and pairs of encoders, by which a joint may turn
   out to have no play: `excludes_zero`, the whole interval lies above zero; else its upper end is
   stated as a bound. Of poses and encoders, play must also predict held-back poses better than
   chance: `improves`, by `CHANCE` and `LEAST_GAIN`.

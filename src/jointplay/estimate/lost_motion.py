@@ -1,4 +1,4 @@
-"""Lost motion of single joints: moved forth and back under a dial gauge, without forces.
+"""Lost motion of single joints: moved back and forth under a dial gauge, without forces.
 
 Where friction alone holds the link, it stays where it was left until the teeth of the other side
 take it along (the play operator), and a dial reads where it is:
@@ -86,7 +86,7 @@ _COLUMNS = (
 @known_keywords
 @dataclass(frozen=True)
 class Stairs:
-    """n moves of joints forth and back, with a dial's readings; SI units."""
+    """n moves of joints back and forth, with a dial's readings; SI units."""
 
     joint: tuple[str, ...]
     """Joint of each move, in their order."""
@@ -211,7 +211,7 @@ _RECIPE = (
 
 @dataclass(frozen=True, kw_only=True)
 class LostMotion(Answer):
-    """Estimates of joints' lost motion from moves forth and back; SI units."""
+    """Estimates of joints' lost motion from moves back and forth; SI units."""
 
     mechanism: Mechanism
     stairs: Stairs
@@ -246,7 +246,7 @@ def identify_lost_motion(
     scatter: float | None = None,
     pose: Mapping[str, float] | None = None,
 ) -> LostMotion:
-    """Identify the total lost motion of single joints from moves forth and back.
+    """Identify the total lost motion of single joints from moves back and forth.
 
     Args:
         mechanism: the robot.
@@ -510,7 +510,7 @@ def axis_letters(sliding: Sequence[str]) -> dict[str, str]:
 
 @dataclass(frozen=True)
 class LostMotionPlan:
-    """A plan of moves forth and back, and a table to fill in."""
+    """A plan of moves back and forth, and a table to fill in."""
 
     joints: Mapping[str, tuple[bool, float, float]]
     """Whether each joint slides, where it begins, and its stride [rad or m]."""

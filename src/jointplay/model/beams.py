@@ -1,13 +1,13 @@
-"""Flexible links: what is said of one, and the stiffness and mass of its section.
+"""Flexible links: how one is described, and the stiffness and mass of its cross-section.
 
 flexible = jp.FlexibleLink(section="tube 80x4 mm", material="aluminium", segments=6)
 robot = jp.Mechanism("ur5", flexible={"forearm_link": flexible})
 
-A beam of rigid segments with hinges between them, as `flexible` cuts it. Each hinge stands for a
-stretch of length h and has the stiffness EI/h. Hinges sit in the middle of their stretches; the
-first and the last one are moved outwards by h/24, which is the boundary term of the midpoint rule
-(Euler and Maclaurin), so that the error falls with about the third power of h instead of the
-second.
+A flexible link is a beam of rigid segments with elastic hinges between them, into which
+`model.flexible` cuts it. Each hinge has the stiffness EI/h of a stretch of length h. Hinges sit in
+the middle of their stretches; the first and the last one are moved outwards by h/24, which is the
+boundary term of the midpoint rule (Euler and Maclaurin), so that the error falls with about the
+third power of h instead of the second.
 """
 
 from __future__ import annotations
@@ -27,10 +27,10 @@ from jointplay.model.payload import Vector
 from jointplay.physics.joints.base import Material
 
 MOST_SEGMENTS = 50
-"""More would take steps of nanoseconds."""
+"""Most segments of a flexible link: more would take steps of nanoseconds."""
 
 CLAMPED_FREE = (1.875104068711961, 4.694091132974175, 7.854757438237613)
-"""beta L of the first three bending modes, roots of cos(x) cosh(x) = -1."""
+"""beta L of the first three bending modes of a cantilever: roots of cos(x) cosh(x) = -1."""
 
 _WRITTEN = re.compile(r"^\s*(tube|rod|box|bar)\s+([\d.eE+-]+(?:\s*[x×]\s*[\d.eE+-]+)*)\s*(\S+)\s*$")
 
@@ -40,10 +40,11 @@ FORMS = {
     "box": (3, "width, height and wall", "box 80x60x4 mm"),
     "bar": (2, "width and height", "bar 30x5 mm"),
 }
-"""Sections by word: how many numbers, what they are, an example."""
+"""Forms of a section by word: number of sizes, their meaning, an example."""
 
 _ODD = np.arange(1, 200, 2)
-"""Terms of Saint-Venant's series, which fall as the fifth power: the rest is below 1e-10 of it."""
+"""Indices of Saint-Venant's series, whose terms fall as their fifth power: the rest is below 1e-10
+of its sum."""
 
 
 @dataclass(frozen=True)
@@ -53,10 +54,10 @@ class Section:
     Attributes:
         form: ``tube``, ``rod``, ``box`` or ``bar``.
         size: width and height, or the diameter twice [m].
-        area: [m^2].
+        area: area of the material [m^2].
         about_x, about_y: second moments of area [m^4].
         torsion: torsion constant [m^4].
-        shear: Timoshenko's shear coefficients along x and y, by Poisson's ratio.
+        shear: function of Poisson's ratio that gives Timoshenko's shear coefficients along x and y.
     """
 
     form: str
@@ -69,19 +70,19 @@ class Section:
 
 
 def section(text: str) -> Section:
-    """The section that a text such as ``tube 80x4 mm`` describes.
+    """Parse a section such as ``tube 80x4 mm``.
 
     Second moments are exact; torsion constants are exact for tubes, rods and bars (Saint-Venant's
     series), and those of a thin wall for boxes (Bredt). Shear coefficients are Cowper's, for tubes
     and boxes of thin walls; from memory.
 
     Raises:
-        JointplayError: it is no section; the message has the forms that are possible.
+        JointplayError: the text is no section; the message has the forms that are possible.
     """
     parsed = _WRITTEN.match(text)
     forms = ", ".join(f'"{example}" ({numbers})' for _, numbers, example in FORMS.values())
     if parsed is None:
-        raise JointplayError(f"section {text!r} is none; possible are {forms}", where=("section",))
+        raise JointplayError(f"{text!r} is no section; possible are {forms}", where=("section",))
     form, numbers, unit = parsed[1], re.split(r"\s*[x×]\s*", parsed[2]), parsed[3]
     count, meaning, example = FORMS[form]
     try:
@@ -145,29 +146,29 @@ def _box(width: float, height: float, wall: float) -> Section:
 
 @dataclass(frozen=True)
 class Beam:
-    """Stiffness and mass per length; x along the width, y along the height, z along the beam."""
+    """Stiffness and mass of a beam; x along the width, y along the height, z along the beam."""
 
     bending: tuple[float, float]
-    """EI about x and about y [N m^2]."""
+    """Bending stiffness EI about x and about y [N m^2]."""
     torsion: float
-    """GJ [N m^2]."""
+    """Torsional stiffness GJ [N m^2]."""
     axial: float
-    """EA [N]."""
+    """Axial stiffness EA [N]."""
     shear: tuple[float, float] | None
-    """kappa G A along x and y [N]; None where it is not known."""
+    """Shear stiffness kappa G A along x and y [N]; None where it is not known."""
     mass: float
-    """[kg/m]."""
+    """Mass per length [kg/m]."""
     turning: tuple[float, float]
-    """Moments of inertia about x and y per length [kg m]; about z their sum."""
+    """Moments of inertia about x and y per length [kg m]; that about z is their sum."""
 
     def frequencies(self, length: float) -> np.ndarray:
-        """First three bending frequencies [Hz] of a length [m], clamped and free, softer plane."""
+        """First bending frequencies (3,) [Hz] of a cantilever of this length, softer plane."""
         roots = np.array(CLAMPED_FREE)
         omega: np.ndarray = roots**2 * math.sqrt(min(self.bending) / (self.mass * length**4))
         return omega / (2.0 * math.pi)
 
     def shear_share(self, length: float) -> float:
-        """What shear, left out, would add to the sag of the tip under a force; relative."""
+        """Sag of a cantilever's tip by shear, relative to that by bending, under a force there."""
         if self.shear is None:
             return 0.0
         (about_x, about_y), (along_x, along_y) = self.bending, self.shear
@@ -178,10 +179,10 @@ class Beam:
 class FlexibleLink(Described):
     """A link that bends and twists: a beam of rigid segments with elastic hinges between them.
 
-    The beam runs from `start`, or else the origin of the link's frame, to the origin of the joint
-    of its child; it is clamped at both. Along itself it is rigid, and in shear unless `shear` says
-    otherwise (Euler and Bernoulli). Its mass is that of the section; if the URDF's link is heavier,
-    the rest stays where its centre of mass is, as a rigid body.
+    The beam runs from `start`, by default the origin of the link's frame, to the origin of its
+    child's joint; it is clamped at both. It is rigid in tension, and in shear unless `shear` is set
+    (Euler and Bernoulli). Its mass is that of the section; if the URDF's link is heavier, the rest
+    stays at the link's centre of mass, as a rigid body.
 
     Raises:
         JointplayError: a section or number that cannot be, or one that is missing.
@@ -193,31 +194,31 @@ class FlexibleLink(Described):
     material: Material | None = None
     """Material of the section, with a density."""
     segments: int = 7
-    """Number of hinges; with one more rigid pieces."""
+    """Number of hinges between rigid pieces, of which there is one more."""
     damping_ratio: Quantity = quantity("", default=0.01, least=0.0, label="damping ratio")
-    """Of the first bending mode of the link alone, clamped and free; it grows in proportion to the
-    frequency."""
+    """Damping ratio of the first bending mode of the link alone, clamped and free; that of other
+    modes grows in proportion to their frequency."""
     torsion: bool = True
-    """Whether it twists."""
+    """Whether the link twists."""
     shear: bool = False
-    """Whether it gives way in shear, too (Timoshenko)."""
+    """Whether the link gives way in shear, too (Timoshenko)."""
     to: str | None = None
-    """Joint at whose origin it ends; needed if the link carries several moving joints."""
+    """Joint at whose origin the beam ends; needed if the link carries several moving joints."""
     start: Vector = quantity("m", default=(0.0, 0.0, 0.0))
-    """Where it begins, in the link's frame [m]."""
+    """Point at which the beam begins, in the link's frame [m]."""
     tip: Vector | None = quantity("m", default=None)
-    """Where it ends, in the link's frame, instead of at a joint [m]."""
+    """Point at which the beam ends, in the link's frame, instead of at a joint [m]."""
     height_along: Vector | None = quantity("", default=None)
-    """Direction of the section's height in the link's frame; if not given, z, or y of a link along
+    """Direction of the section's height in the link's frame; if not given, z, or y for a link along
     z."""
     bending_stiffness: OptionalQuantity = quantity("N*m^2", default=None, above=0.0)
-    """EI in both planes, instead of section and material [N m^2]."""
+    """Bending stiffness EI in both planes, instead of section and material [N m^2]."""
     torsion_stiffness: OptionalQuantity = quantity("N*m^2", default=None, above=0.0)
-    """GJ, likewise [N m^2]."""
+    """Torsional stiffness GJ, instead of section and material [N m^2]."""
     line_mass: OptionalQuantity = quantity("kg/m", default=None, above=0.0, label="mass per length")
-    """Mass per length, likewise [kg/m]."""
+    """Mass per length, instead of section and material [kg/m]."""
     gyration_radius: OptionalQuantity = quantity("m", default=None, above=0.0)
-    """Of the section's mass about the beam's axis, likewise [m]."""
+    """Radius of gyration about the beam's axis, instead of section and material [m]."""
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -252,7 +253,7 @@ class FlexibleLink(Described):
 
     @cached_property
     def beam(self) -> Beam:
-        """Its stiffness and mass per length."""
+        """Stiffness and mass of the link, from its section and material or as given."""
         if self.section is None:
             stated = self.bending_stiffness, self.torsion_stiffness, self.line_mass
             stiff, twist, mass, radius = (x or 0.0 for x in (*stated, self.gyration_radius))
@@ -274,7 +275,7 @@ class FlexibleLink(Described):
         )
 
     def hinges(self, length: float) -> np.ndarray:
-        """Where the hinges are along a beam of this length [m]."""
+        """Positions of the hinges along a beam of this length, shape (segments,) [m]."""
         stretch = length / self.segments
         places = (np.arange(self.segments) + 0.5) * stretch
         places[0] -= stretch / 24.0
@@ -282,6 +283,6 @@ class FlexibleLink(Described):
         return places
 
     def damping_time(self, length: float) -> float:
-        """Damping over stiffness that gives the first mode its damping ratio [s]."""
+        """Ratio of damping to stiffness that gives the first mode its damping ratio [s]."""
         first = 2.0 * math.pi * float(self.beam.frequencies(length)[0])
         return 2.0 * self.damping_ratio / first

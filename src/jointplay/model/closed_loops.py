@@ -1,13 +1,14 @@
 """Closed loops at rest: which joints follow which, and what the play of a joint moves.
 
-The driven coordinates stand where the encoders say. In a loop the others follow: with the tree's
-coordinates q, the opening of all loops by a displacement xi_i of each joint with play is
+The driven coordinates stand where the encoders say; in a loop the passive ones follow. Let A be the
+Jacobian of the loop closures (`closing_rows`) by the passive coordinates q. If each joint i with
+play is displaced by xi_i, which opens the loops by O_i xi_i, they stay closed where
 
-    A dq + sum_i O_i xi_i = 0        (journals that rest in their bearings: rows of `closing_rows`)
+    A dq + sum_i O_i xi_i = 0
 
-so that dq = -A^+ sum O_i xi_i in the passive coordinates, and what A cannot produce must be zero:
-N^T O_i xi_i summed over the joints, N^T A = 0. These ties hold plays together (`loop_play`): in a
-plane linkage the pins can only lean as far as they allow each other.
+so that dq = -A^+ sum_i O_i xi_i. What A cannot produce must be zero by itself: with N^T A = 0, the
+ties N^T sum_i O_i xi_i = 0 hold the plays together (`loop_play`). In a plane linkage the pins can
+only lean as far as they allow each other.
 """
 
 from __future__ import annotations
@@ -25,49 +26,52 @@ from jointplay.model.loop import (
     ANGLE_ARM_M,
     ASSEMBLY_TOLERANCE_M,
     SINGULAR,
-    closest,
     closing_rows,
     closures,
+    ideal_coordinates,
+    least_open,
     newton,
     openings,
-    own_coordinates,
 )
 from jointplay.model.mechanism import Mechanism, frame_index
 from jointplay.model.urdf import Mimic
 
 _STEP = 0.05
-"""Of the driven joints, from one closed configuration to the next [rad, or of what slides
-`ANGLE_ARM_M`]: so short that no Newton step leaps to another branch (judged)."""
+"""Step of driven joints from one closed configuration to the next [rad, or on an arm of
+`ANGLE_ARM_M` if they slide]: so short that no Newton step leaps to another branch (judged)."""
 NOWHERE = 1e-9
-"""Way of the tool's origin by a turn of the tool of 1 rad that is rounding [m]."""
+"""Way of the tool's origin in a turn of the tool by 1 rad, up to which it is rounding [m]."""
 
 
 @dataclass(frozen=True)
 class Closing:
-    """How the loops of a mechanism give way, in one closed configuration."""
+    """The loop equations of a mechanism, linearised and solved in one closed configuration.
+
+    All is for openings with their `weight`.
+    """
 
     follow: np.ndarray
-    """Displacement of the passive coordinates per opening of the loops, (passive, rows)."""
+    """A^+: displacement of the passive coordinates per opening of the loops, (passive, rows)."""
     ties: np.ndarray
-    """Rows that no passive coordinate can close, combined, (ties, rows)."""
+    """N^T: combinations of rows that no passive coordinate can close, (ties, rows)."""
     loose: np.ndarray
-    """Directions of the passive coordinates that no loop feels, (passive, k)."""
+    """Null space of A: directions of the passive coordinates that open no loop, (passive, k)."""
     weight: np.ndarray
-    """Of each row: angles count on an arm, (rows,)."""
+    """Length for a unit of each row, (rows,): 1 for an offset, an arm for an angle [1 or m]."""
 
 
 class ClosedLoops:
-    """The loops of a mechanism whose driven joints, and all joints outside the loops, stand.
+    """The loops of a mechanism whose driven joints, and all joints outside the loops, stand still.
 
     Args:
-        mechanism: with loops.
+        mechanism: one with loops.
         q: a configuration, shape (nq,).
-        driven: joints that stand; None: those of the loops nearest to the base that determine the
-            others at `q`: there machines have their motors.
+        driven: joints that stand; None: of the joints in loops, those nearest to the base that
+            determine the others at `q`: there machines have their motors.
 
     Attributes:
         driven: joints that stand.
-        passive: coordinates that follow.
+        passive: indices of the coordinates that follow.
 
     Raises:
         MissingName: no such joint.
@@ -78,9 +82,10 @@ class ClosedLoops:
     ) -> None:
         self.mechanism = mechanism
         self._weight = _weights(mechanism)
+        # Coordinates inside the loops are those that open them, in any of three configurations.
         somewhere = np.random.default_rng(0).uniform(-1.0, 1.0, (3, mechanism.model.nq))
         felt = np.max([np.abs(closing_rows(mechanism, at)).max(axis=0) for at in somewhere], axis=0)
-        inside = [i for i in own_coordinates(mechanism) if felt[i] > 1e-9]
+        inside = [i for i in ideal_coordinates(mechanism) if felt[i] > 1e-9]
         self.driven = self._determining(q, inside) if driven is None else tuple(driven)
         held = {mechanism.coordinate(name) for name in self.driven}
         self.passive = np.array([i for i in inside if i not in held], int)
@@ -92,7 +97,11 @@ class ClosedLoops:
                 self._steps[mechanism.coordinate(name)] *= ANGLE_ARM_M
 
     def _determining(self, q: np.ndarray, inside: Sequence[int]) -> tuple[str, ...]:
-        """The joints nearest to the base that determine the other coordinates inside the loops."""
+        """The joints nearest to the base that determine the other coordinates inside the loops.
+
+        From the base outwards, a joint is taken if the loops determine the rest as well without it:
+        if the columns left have the same rank. It ends when they are independent.
+        """
         rows = self._rows(q)
         rank = _rank(rows[:, inside])
         chosen: list[str] = []
@@ -107,11 +116,11 @@ class ClosedLoops:
         return tuple(chosen)
 
     def _rows(self, q: np.ndarray) -> np.ndarray:
-        """Openings per displacement of the coordinates, angles on an arm, (rows, nv)."""
+        """Jacobian of the weighted openings by all coordinates, (rows, nv)."""
         return self._weight[:, None] * closing_rows(self.mechanism, q)
 
     def stands(self, q: np.ndarray, at: int, count: int) -> str:
-        """Where the driven joints stand at `q` (nq,), number `at` of several, in words."""
+        """Positions of the driven joints at `q` (nq,), pose number `at` of `count`, in words."""
         place = self.mechanism.coordinate
         entries = self.mechanism.description.joints
         values = ", ".join(
@@ -121,17 +130,17 @@ class ClosedLoops:
         return (values or "no joint driven") + pose
 
     def linear(self, q: np.ndarray) -> Closing:
-        """How the loops give way in the closed configuration q."""
+        """The loop equations in the closed configuration q, solved by singular values."""
         left, sizes, right = np.linalg.svd(self._rows(q)[:, self.passive])
         rank = int((sizes > _threshold(sizes)).sum())
         follow = right[:rank].T / sizes[:rank] @ left[:, :rank].T
         return Closing(follow, left[:, rank:].T, right[rank:].T, self._weight)
 
     def closed(self, q: np.ndarray, begin: np.ndarray | None = None) -> np.ndarray:
-        """Configurations (n, nq) with their loops closed, as `close_all`; from `begin` (nq,) on.
+        """Configurations (n, nq) with their loops closed in order, from `begin` (nq,) if given.
 
         Raises:
-            JointplayError: loops that cannot be closed.
+            JointplayError: the loops of one cannot be closed; see `close_all`.
         """
         first = [] if begin is None else [begin]
         configurations, good = self.close_all(np.array([*first, *q]))
@@ -147,12 +156,12 @@ class ClosedLoops:
     def close_all(
         self, q: np.ndarray, *, apart: bool = False, begin: np.ndarray | None = None
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Configurations (n, nq) with their loops closed, journals centred, and which could be.
+        """Configurations (n, nq) with closed loops, journals centred; and where that succeeded.
 
         From one to the next the driven joints go in small steps, so that the mechanism stays on its
-        branch; the first begins at `begin` (nq,), closed, or with the passive positions it has.
-        With `apart` they are not in the order of a motion: each is reached from the nearest one
-        closed.
+        branch. The first is reached from `begin` (nq,), closed, or else from its own passive
+        positions. With `apart` they are not in the order of a motion: each is reached from the
+        nearest one that is closed.
         """
         closed, good = q.copy(), np.zeros(len(q), bool)
         for i, row in enumerate(q):
@@ -164,17 +173,20 @@ class ClosedLoops:
             solution = self._reach(last, row)
             if solution is not None:
                 closed[i], good[i] = solution, True
-                for name in self.mechanism.gears:  # unstrained
+                for name in self.mechanism.gears:  # motors turn along: gears are unstrained
                     motor = self.mechanism.motor(name)
                     closed[i, motor] = solution[self.mechanism.coordinate(name)]
         return closed, good
 
     def _reach(self, begin: np.ndarray | None, goal: np.ndarray) -> np.ndarray | None:
-        """The closed configuration with the driven positions of `goal`, from a closed one on."""
+        """The closed configuration with the driven positions of `goal`; None if it is not reached.
+
+        In steps from `begin`, closed; without it, from the passive positions of `goal`.
+        """
         if begin is None:
             near = self.close(goal)
             if near is None:
-                near = self.close(closest(self.mechanism, goal, self.passive, {}))
+                near = self.close(least_open(self.mechanism, goal, self.passive, {}))
             return near
         distance = (goal - begin)[self._standing]
         count = max(
@@ -193,10 +205,11 @@ class ClosedLoops:
     def close(
         self, start: np.ndarray, aside: Mapping[str, pin.SE3] | None = None, *, exactly: bool = True
     ) -> np.ndarray | None:
-        """Where near `start` (nq,) the passive coordinates close the loops: (nq,), or None.
+        """Configuration (nq,) near `start` whose passive coordinates close the loops, or None.
 
-        What is not passive stays, displaced journals too; those of loops have the poses `aside` in
-        their bearings, centred if not given. Unless `exactly`, as well as can be.
+        Other coordinates stay, those of displaced journals in the tree, too. Journals of loops have
+        the poses `aside` in their bearings; centred if not given. Unless `exactly`, the openings
+        need only be least.
         """
         directions = np.eye(len(start))[:, self.passive]
         q = newton(self.mechanism, start, directions, self._weight, aside)
@@ -206,10 +219,10 @@ class ClosedLoops:
 
 
 def opening(mechanism: Mechanism, moved: int, twist: np.ndarray) -> np.ndarray:
-    """By how much loops and locks open if what Pinocchio joint `moved` carries moves, (rows, k).
+    """Rate at which loops and locks open if all that Pinocchio joint `moved` carries has a twist.
 
-    `twist` (6, k): velocity of the world's origin and angular velocity, world axes; after
-    `pin.computeJointJacobians`.
+    Shape (rows, k). `twist` (6, k): velocity of the world's origin and angular velocity, world
+    axes; after `pin.computeJointJacobians`.
     """
     supports = mechanism.model.supports
     rows = [np.zeros((0, twist.shape[1]))]
@@ -221,20 +234,20 @@ def opening(mechanism: Mechanism, moved: int, twist: np.ndarray) -> np.ndarray:
 
 
 def own_opening(mechanism: Mechanism, loop: str) -> np.ndarray:
-    """What the play of the joint of a loop takes from its rows, (rows, 6)."""
+    """Openings of all loops per displacement of the journal of `loop` in its bearing, (rows, 6)."""
     blocks = [-np.eye(6) if c.name == loop else np.zeros((6, 6)) for c in closures(mechanism)]
     rows = [part[c.rows] for part, c in zip(blocks, closures(mechanism), strict=True)]
     return np.concatenate([np.zeros((0, 6)), *rows])
 
 
 def is_closed(mechanism: Mechanism, q: np.ndarray) -> bool:
-    """Whether all loops are closed, journals centred; angles count on an arm."""
+    """Whether all loops are closed to `ASSEMBLY_TOLERANCE_M`, journals centred."""
     gaps = np.abs(_weights(mechanism) * openings(mechanism, q))
     return bool(gaps.max(initial=0.0) <= ASSEMBLY_TOLERANCE_M)
 
 
 def from_the_base(mechanism: Mechanism) -> list[str]:
-    """Joints with one coordinate without clearance, those on the base first, else as they come."""
+    """Joints that have one coordinate without clearance, in order of their depth from the base."""
     single = [
         name
         for name in mechanism.joints
@@ -251,12 +264,12 @@ def from_the_base(mechanism: Mechanism) -> list[str]:
 def followed_mimics(
     mechanism: Mechanism, q: np.ndarray, alone: Collection[str] = ()
 ) -> dict[str, Mimic]:
-    """Joints that mimic others, and what each follows: those that no loop determines.
+    """Joints that mimic others, by name, where no loop determines them.
 
     In the URDF of a gripper or a lift, `<mimic>` often stands for a loop that a URDF cannot have.
-    Where the loop is there, it is the loop that joints follow: a mimic that would hold its leader,
-    or that follows from the loops anyway, is left out. Loops are closed in `q` (nq,), without
-    clearance; joints in `alone` follow nothing.
+    Where the loop is there, joints follow the loop: a mimic that would hold its leader, or that
+    follows from the loops anyway, is left out. That is judged by the rank of the constraints in
+    `q` (nq,), in which loops are closed without clearance. Joints in `alone` follow nothing.
     """
     rows = closing_rows(mechanism, q) if mechanism.loops else np.zeros((0, mechanism.model.nv))
     rank = _rank(rows) if len(rows) else 0
@@ -267,22 +280,22 @@ def followed_mimics(
             continue
         more = np.concatenate([rows, mimic_row(mechanism, name, mimic)[None]])
         if mechanism.loops:
-            held = _rank(more)
-            if held == rank:
+            more_rank = _rank(more)
+            if more_rank == rank:  # the loops imply it
                 continue
             if mimic.leader in mechanism.coordinates:
                 leads = np.eye(mechanism.model.nv)[[mechanism.coordinate(mimic.leader)]]
-                if _rank(np.concatenate([more, leads])) == held:
+                if _rank(np.concatenate([more, leads])) == more_rank:  # it holds its leader
                     continue
-            rank = held
+            rank = more_rank
         followed[name], rows = mimic, more
     return followed
 
 
 def turns_in_place(mechanism: Mechanism, q: np.ndarray) -> bool:
-    """Whether the ideal tool turns, and its origin stands whatever moves: the rocker of a linkage.
+    """Whether the tool of the ideal mechanism turns about its own origin, as a linkage's rocker.
 
-    With play in its pivot the origin moves as well, and the output is an angle all the same.
+    Its output then is an angle, although with play in its pivot the origin moves as well.
     `q`: a configuration of the mechanism, (nq,).
     """
     if not mechanism.loops:
@@ -301,7 +314,7 @@ def turns_in_place(mechanism: Mechanism, q: np.ndarray) -> bool:
 
 
 def mimic_row(mechanism: Mechanism, name: str, mimic: Mimic) -> np.ndarray:
-    """What is zero times each velocity with which the joint `name` follows, shape (nv,)."""
+    """Constraint row of a mimicking joint, shape (nv,): zero times every velocity that obeys it."""
     row = np.zeros(mechanism.model.nv)
     row[mechanism.coordinate(name)] = 1.0
     if mimic.leader in mechanism.coordinates:
@@ -310,12 +323,12 @@ def mimic_row(mechanism: Mechanism, name: str, mimic: Mimic) -> np.ndarray:
 
 
 def _weights(mechanism: Mechanism) -> np.ndarray:
-    """One for each row of an offset, the arm for one of an angle, shape (rows,)."""
+    """`Closure.weights` of all closures, shape (rows,)."""
     return np.concatenate([np.zeros(0), *(c.weights for c in closures(mechanism))])
 
 
 def _threshold(sizes: np.ndarray) -> float:
-    """Singular values up to here are none."""
+    """Singular value up to which it counts as zero."""
     return float(SINGULAR * max(sizes.max(initial=0.0), ANGLE_ARM_M))
 
 

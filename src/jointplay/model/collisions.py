@@ -1,4 +1,4 @@
-"""Whether a robot hits itself, by the collision shapes of its URDF and Pinocchio's coal."""
+"""Self-collision of a robot, by the collision shapes of its URDF and Pinocchio's coal."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from jointplay.model.mechanism import Mechanism
 
 
 class SelfCollision:
-    """Pairs of a robot's shapes that must not meet, seen in its ideal mechanism.
+    """Pairs of a robot's collision shapes that must not meet, in its ideal mechanism.
 
-    Left out are pairs of links that a joint joins, those that an SRDF in a folder ``srdf`` beside
-    that of the URDF disables, and those that touch in the neutral pose, as shapes that are drawn
+    Left out are pairs of links that a joint joins, pairs that an SRDF in a folder ``srdf`` beside
+    the URDF's folder disables, and pairs that touch in the neutral pose, as shapes that are drawn
     too large do.
 
     Attributes:
-        notes: what was left out, or that there is nothing to look at, a line each.
+        notes: lines on pairs that were left out, or that there are no shapes.
     """
 
     def __init__(self, mechanism: Mechanism) -> None:
@@ -30,7 +30,7 @@ class SelfCollision:
         self._geometry = geometry
         if geometry.ngeoms < 2:
             self.notes = (
-                "self-collision was not looked at: the URDF has no collision geometry that can be "
+                "self-collision was not checked: the URDF has no collision geometry that can be "
                 "read",
             )
             return
@@ -50,7 +50,7 @@ class SelfCollision:
         if touching:
             names = [" and ".join(self._link(k) for k in pair) for pair in touching]
             text = few(list(dict.fromkeys(names)))
-            self.notes = (f"not looked at for self-collision, for they touch at zero: {text}",)
+            self.notes = (f"not checked for self-collision, for they touch at zero: {text}",)
 
     def hits(self, positions: Mapping[str, float]) -> bool:
         """Whether the robot hits itself with its joints at these positions [rad or m]."""
@@ -96,5 +96,5 @@ class SelfCollision:
 
 
 def _joined(model: pin.Model, a: int, b: int) -> bool:
-    """Whether bodies of two of Pinocchio's joints are one, or joined by a joint."""
+    """Whether the bodies of two Pinocchio joints are the same, or joined by a joint."""
     return a == b or model.parents[a] == b or model.parents[b] == a

@@ -1,9 +1,12 @@
-"""What a mechanism is made of: a robot's file and what is given besides, put together.
+"""From a robot's file, and what is given besides, to the Pinocchio model that is simulated.
 
-In this order: the robot is read and joints are held in it; what its file says beyond a URDF counts
-where nothing else is given; flexible links are cut into pieces; the tool is chosen; joints in seats
-get bushes; rules complete the gears. All that adds links does so in the URDF's text, so that the
-`Description` stays the one account of the tree, of which `build` makes Pinocchio's model.
+`design` collects the parts of a mechanism, in this order: the robot is read and joints are held in
+it; what its file says beyond a URDF counts where nothing else is given; flexible links are cut into
+pieces; the tool is chosen; joints in seats get bushes; rules complete the gears. Every step that
+adds links does so in the URDF's text, so that the `Description` stays the one account of the tree.
+
+`build` then makes Pinocchio's model of it: it copies the model that Pinocchio reads from this URDF,
+with a virtual link in place of each joint with clearance, and adds motors, a free base and locks.
 """
 
 from __future__ import annotations
@@ -13,7 +16,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -33,7 +36,7 @@ from jointplay.model import elements, formats, urdf
 from jointplay.model.beams import FlexibleLink
 from jointplay.model.fixing import with_fixed, without_floating_base
 from jointplay.model.flexible import cut_links, end_of_tool
-from jointplay.model.frames import Frames, motion_between, motions, signs_between
+from jointplay.model.frames import Frames, motion_between, signs_between, single_axis
 from jointplay.model.free_base import BASE, BASES, HELD
 from jointplay.model.gear import GEARS, Gearing
 from jointplay.model.gear_rules import Rule, completed, with_rotors
@@ -68,52 +71,52 @@ from jointplay.physics.joints import (
 
 @dataclass(eq=False, repr=False)
 class Design:
-    """All that Pinocchio's model of a mechanism follows from."""
+    """The parts of a mechanism, from which its Pinocchio model follows (`build`)."""
 
     description: Description
-    """As given, with the bushes of seats, links ``JOINT_bush``, and the pieces of flexible links,
-    ``LINK_2``, ...."""
+    """The robot as given, with the bushes of seats, links ``JOINT_bush``, and the pieces of
+    flexible links, ``LINK_2``, ...."""
     source: pin.Model
-    """Pinocchio's reading of it, shared; fixed joints that have clearance float in it."""
+    """Pinocchio's own reading of `description`, shared; fixed joints with clearance float in it."""
     given_joints: dict[str, Any]
-    """As given, ideal ones too, which say of what kind a loop's joint or a ball is. One with a seat
-    stands here without it, and its mount ``JOINT_seat`` beside it; a flexible link as its hinges
-    ``LINK_hinge_1``, ...."""
+    """Joints as given, by name: with clearance, or ideal ones, which say of what kind a loop's
+    joint or a ball is. A joint in a seat stands here without the seat, and its mount ``JOINT_seat``
+    beside it; a flexible link as its hinges ``LINK_hinge_1``, ...."""
     loops: dict[str, Loop]
     gears: dict[str, Any]
-    """As given, completed by rules."""
+    """Gears by joint, as given, completed by rules."""
     rules: dict[tuple[str, str], Rule]
-    """Numbers of gears that nobody gave, by joint and field, and by which rule."""
+    """Numbers of gears that nobody gave, with the rule that gave them, by joint and field."""
     flexible: dict[str, str]
-    """What was made of each flexible link, in words; empty if the mechanism was built from another
+    """A line on each flexible link and its pieces; empty if the mechanism was built from another
     one, which has its pieces already."""
     gravity: tuple[float, float, float]
-    """In world axes [m/s^2]."""
+    """Acceleration of gravity in world axes [m/s^2]."""
     base: str
     """``held`` or ``free``."""
     tool: str
     tool_reason: str
-    """Why this tool, in words, if none was named; else empty."""
+    """Why this frame is the tool, if none was named; else empty."""
     allow_unphysical: tuple[str, ...]
     fix: Collection[str]
 
     def __post_init__(self) -> None:
         self.clearance = {n: joint for n, joint in self.given_joints.items() if not joint.ideal}
-        """Those of the given joints that have clearance."""
+        """Given joints that have clearance."""
 
     @property
     def free_base(self) -> str | None:
-        """Name of the free base's coordinates; None if the base is held."""
+        """Name of the joint that a free base's coordinates form; None if the base is held."""
         return None if self.base == HELD else BASE
 
     @property
     def armature(self) -> dict[str, float]:
-        """Inertia of rotors rigidly geared to joints, on their side, by joint [kg m^2 or kg]."""
+        """Inertia of rotors rigidly geared to joints, at the joint's side [kg m^2 or kg]."""
         moving, armature = self.description.moving, self.description.beyond.armature
         return {name: armature[name] for name in armature if name in moving}
 
-    def own_coordinate(self, joint: str) -> Coordinate:
-        """The coordinate that `joint` has, or would have without clearance."""
+    def ideal_coordinate(self, joint: str) -> Coordinate:
+        """The coordinate on which an ungeared drive of `joint` acts: that of the ideal joint."""
         stated = self.given_joints.get(joint)
         if stated is not None and (joint in self.clearance or stated.compound()):
             return Coordinate(joint, stated.drive_coordinate or "")
@@ -134,16 +137,17 @@ def design(
     base: str | None,
     xacro: Mapping[str, Value] | None,
 ) -> Design:
-    """Put a mechanism together; arguments and errors are those of `Mechanism`.
+    """Collect the parts of a mechanism; arguments and errors are those of `Mechanism`.
 
-    A `Description` is one of a mechanism before: what its file says beyond a URDF is in what is
-    given already.
+    A `Description` as `path` comes from another mechanism: what its file says beyond a URDF is
+    already among the arguments.
     """
     allowed = require_names(
         "allow_unphysical", allow_unphysical, "names of links", ("allow_unphysical",)
     )
     fix = require_names("fix", fix, "names of joints", ("fix",))
     tables: Mapping[str, Mapping[str, Any]] = {}
+    # The tree of links and joints.
     if isinstance(path, Linkage):
         play = require_table("clearance", clearance, "of joints by name", ("clearance",))
         linkage = path
@@ -156,6 +160,7 @@ def design(
         tables = path.beyond.tables
     description = with_fixed(path, fix)
 
+    # What is given; where nothing is, what the file says beyond a URDF.
     robot = tables.get("robot", {})
     gravity = robot.get("gravity", STANDARD_GRAVITY) if gravity is None else gravity
     base = robot.get("base", HELD) if base is None else base
@@ -195,6 +200,7 @@ def design(
         raise JointplayError(f"tool must be the name of a frame, got {tool!r}", ("tool",))
 
     description, loops, joints = _seated(description, loops, joints | cut.hinges)
+    # Fixed joints with clearance do not make one body of two links: each needs its own inertia.
     fixed = {name for name, entry in description.joints.items() if entry.kind == "fixed"}
     loose = sorted(name for name in fixed.intersection(joints) if not joints[name].ideal)
     faults = impossible_inertias(description.parsed, base != HELD, loose)
@@ -210,7 +216,7 @@ def design(
 def _read(
     path: str | Path | pin.Model, allowed: Collection[str], xacro: Mapping[str, Value] | None
 ) -> Description:
-    """The robot's file, or that of a Pinocchio model."""
+    """Description of a robot from its file, or from a Pinocchio model."""
     if isinstance(path, pin.Model):
         return description_of_model(path, tuple(allowed))
     if not isinstance(path, str | Path):
@@ -225,7 +231,7 @@ def _read(
 def _filed(
     description: Description, table: Mapping[str, Any], kinds: Mapping[str, Any]
 ) -> Iterator[tuple[str, Any]]:
-    """Joints or gears that the robot's file has beyond a URDF, of joints that move."""
+    """Joints or gears that the robot's file has beyond a URDF, by name, for joints that move."""
     for name, row in table.items():
         if name in description.moving:
             yield name, kinds[row["kind"]](**{key: row[key] for key in row if key != "kind"})
@@ -302,7 +308,7 @@ def _check_gear(name: str, gear: Gearing, description: Description) -> None:
 def _seated(
     description: Description, loops: Mapping[str, Loop], stated: Mapping[str, Clearance]
 ) -> tuple[Description, dict[str, Loop], dict[str, Clearance]]:
-    """Put a bush and its mount between the two links of each joint in a seat."""
+    """Put a bush and its elastic mount between the two links of each joint in a seat."""
     loops, joints = dict(loops), {}
     for name, joint in stated.items():
         parts = parts_of_seat(joint)
@@ -326,19 +332,17 @@ def _seated(
     return description, loops, joints
 
 
-# From a URDF to the Pinocchio model that is simulated: virtual links in, motors added.
+# From a URDF to the Pinocchio model that is simulated.
 
-_REVOLUTE = ("JointModelR", "JointModelRevolute")
-_PRISMATIC = ("JointModelP", "JointModelPrismatic")
 _FLOATING = "JointModelFreeFlyer"
 _URDF_FLOATING, _URDF_FIXED = "floating", "fixed"
 
 _SAME_MASS = 1e-9
-"""Relative difference of masses that passes for rounding."""
+"""Relative difference of masses up to which they agree: rounding."""
 
 _NO_MOTION = 1e-9
-"""Motion of a locked freedom per unit speed of a coordinate that passes for rounding [1, m, 1/m].
-"""
+"""Motion of a locked freedom per unit speed of a coordinate up to which it is none: rounding
+[1, m, 1/m]."""
 
 _SINGLE = {
     "x": pin.JointModelPX,
@@ -348,13 +352,15 @@ _SINGLE = {
     "pitch": pin.JointModelRY,
     "roll": pin.JointModelRX,
 }
+"""Pinocchio's joint for a single freedom of a virtual link."""
 
 
 def parse(description: Description, released: Collection[str] = ()) -> pin.Model:
-    """Pinocchio's own reading of the URDF, from a file because its text reader names no errors.
+    """The model that Pinocchio reads from a URDF; shared, and not to be changed.
 
     Fixed joints in `released` are read as floating ones, for Pinocchio would make one body of the
-    two links. The same text is read once: what is returned is shared, and must not be changed.
+    two links. The same text is read once, from a file, because Pinocchio's reader of text names no
+    errors.
 
     Raises:
         JointplayError: Pinocchio cannot read it.
@@ -368,7 +374,8 @@ def parse(description: Description, released: Collection[str] = ()) -> pin.Model
             continue
         if limit is None:
             limit = ElementTree.SubElement(joint, "limit")
-        # Pinocchio wants all of them, finite, and no effort of -1; nobody asks it for them.
+        # Pinocchio refuses a limit that lacks a number, has one that is not finite, or an effort of
+        # -1. `Description` has the true limits: nobody asks Pinocchio's model for them.
         for key in WORDS["limit"].attributes:
             value = float(limit.get(key, "nan"))
             if not np.isfinite(value) or (value < 0.0 and key in ("effort", "velocity")):
@@ -416,20 +423,13 @@ def _parsed(text: str, path: str) -> pin.Model:
             raise JointplayError(f"Pinocchio cannot read the URDF {path!r}: {reason}") from None
 
 
-class Built(NamedTuple):
-    """Pinocchio's model of a mechanism."""
+def build(design: Design) -> tuple[pin.Model, tuple[Coordinate, ...], dict[str, Frames]]:
+    """Build Pinocchio's model of a mechanism.
 
-    model: pin.Model
-    coordinates: tuple[Coordinate, ...]
-    """Names of the generalised coordinates, in the order of q and v."""
-    locks: dict[str, Frames]
-    """Carriage and what is fixed to it, by loop; see `Mechanism`."""
+    Which loops need locks shows only in a model without locks: if some do, it is built again.
 
-
-def build(design: Design) -> Built:
-    """The model of a mechanism.
-
-    Which loops need locks shows only in a model without: where there are some it is made again.
+    Returns:
+        `model`, `coordinates` and `locks` of `Mechanism`.
 
     Raises:
         JointplayError: a joint of a kind that has no single coordinate, or two coordinates of one
@@ -447,17 +447,17 @@ def build(design: Design) -> Built:
         model, coordinates = _assembled(design, needed)
     model.gravity.linear = np.array(design.gravity)
     for name, inertia in design.armature.items():
-        model.armature[coordinates.index(design.own_coordinate(name))] = inertia
+        model.armature[coordinates.index(design.ideal_coordinate(name))] = inertia
     locks = {}
     for name, lock in needed.items():
         carriage = int(model.getJointId(name))
         held = lock.share(model, carriage)
         locks[name] = (carriage, pin.SE3.Identity()), held
-    return Built(model, coordinates, locks)
+    return model, coordinates, locks
 
 
 def _check_free_base(design: Design, model: pin.Model) -> None:
-    """Refuse a free base that nothing but forces without inertia would move."""
+    """Refuse a free base without mass or inertia, whose motion no force would determine."""
     body = model.inertias[model.getJointId(design.free_base)]
     least = float(np.linalg.eigvalsh(body.inertia).min())
     if not body.mass > 0.0 or not least > 0.0:
@@ -482,9 +482,10 @@ def _check_loop(name: str, loop: Loop, model: pin.Model, description: Descriptio
 
 
 def _needed_locks(design: Design, model: pin.Model) -> Iterator[tuple[str, Lock]]:
-    """Locks of the loops whose joints lock what the other joints of the loop leave free.
+    """Locks by loop, for loops whose joint locks a freedom that the rest of the loop leaves free.
 
-    Found at some configurations, since what is free in all of them is free.
+    A lock is needed if some coordinate moves the journal against the bearing in a locked direction;
+    that is looked for at three configurations, lest a direction stand still in one by chance.
     """
     data = model.createData()
     for name, loop in design.loops.items():
@@ -507,7 +508,7 @@ def _needed_locks(design: Design, model: pin.Model) -> Iterator[tuple[str, Lock]
 def _assembled(
     design: Design, locks: Mapping[str, Lock]
 ) -> tuple[pin.Model, tuple[Coordinate, ...]]:
-    """Copy the source joint by joint, those with clearance as virtual links; append the motors.
+    """Copy the source joint by joint, with virtual links for joints with clearance; add motors.
 
     A bearing frame is turned so that its z is the joint's axis. The bodies, frames and joints
     beyond are turned back, so that at zero yaw everything stands where it stood.
@@ -524,7 +525,7 @@ def _assembled(
     model.name, names = source.name, [*source.names]
     data = source.createData()
     pin.computeJointJacobians(source, data, pin.neutral(source))
-    moved = {0: 0}
+    moved = {0: 0}  # index in the new model of each joint of the source
     turned = {0: pin.SE3.Identity()}  # old joint frame as seen from the new one
     coordinates: list[Coordinate] = []
 
@@ -560,7 +561,7 @@ def _assembled(
         model.appendBodyToJoint(new, turned[old].act(source.inertias[old]), pin.SE3.Identity())
         model.addJointFrame(new)
         carriages(new)
-    for frame in source.frames:
+    for frame in source.frames:  # links; joints have got theirs
         if frame.type == pin.FrameType.JOINT or frame.name == "universe":
             continue
         placement = turned[frame.parentJoint] * frame.placement
@@ -568,7 +569,8 @@ def _assembled(
             pin.Frame(frame.name, moved[frame.parentJoint], 0, placement, frame.type), False
         )
     for name, gear in design.gears.items():
-        # Of a joint that slides, too: its coordinate is in metres, and gravity does not act on it.
+        # The motor of a joint that slides turns in the model, too: its coordinate counts in metres,
+        # and a rotor without mass feels no gravity.
         rotor = pin.Inertia(0.0, np.zeros(3), np.diag([0.0, 0.0, gear.rotor_inertia]))
         called = _free(names, f"{name}.{MOTOR}")
         motor = model.addJoint(0, pin.JointModelRZ(), pin.SE3.Identity(), called)
@@ -579,7 +581,7 @@ def _assembled(
 
 
 def _check_names(coordinates: Sequence[Coordinate]) -> None:
-    """Refuse a joint that is called like a coordinate of another, for results name them so."""
+    """Refuse a joint called like a coordinate of another: results name coordinates like this."""
     seen: dict[str, Coordinate] = {}
     for coordinate in coordinates:
         first = seen.setdefault(coordinate, coordinate)
@@ -594,16 +596,20 @@ def _check_names(coordinates: Sequence[Coordinate]) -> None:
 def _axis(
     source: pin.Model, data: pin.Data, index: int, stated: Clearance | None
 ) -> tuple[np.ndarray, bool]:
-    """Axis of a joint in its own frame, and whether it slides along it."""
-    name, joint = source.names[index], source.joints[index]
-    kind = joint.shortname()
-    if (
+    """Axis of a joint in its own frame, and whether the joint slides along it.
+
+    Raises:
+        JointplayError: the joint has no single axis, and no kind of clearance stands for it.
+    """
+    name, kind = source.names[index], source.joints[index].shortname()
+    if (  # floating in the URDF, or fixed and released: z by definition
         kind == _FLOATING
         and stated is not None
         and {_URDF_FLOATING, _URDF_FIXED} & {*stated.replaces}
     ):
         return np.array([0.0, 0.0, 1.0]), False
-    if not kind.startswith(_REVOLUTE + _PRISMATIC) or joint.nv != 1:
+    axis = single_axis(source, data, index)
+    if axis is None:
         remedy = (
             f"a floating joint can only be {' or '.join(replacing(_URDF_FLOATING))}, with clearance"
             if kind == _FLOATING
@@ -612,8 +618,7 @@ def _axis(
         raise JointplayError(
             f"joint {name!r} is of the kind {kind.removeprefix('JointModel')}; {remedy}"
         )
-    (motion,), slides = motions(source, data, index), kind.startswith(_PRISMATIC)
-    return (motion[:3] if slides else motion[3:]), slides
+    return axis
 
 
 def _virtual_link(
@@ -624,7 +629,11 @@ def _virtual_link(
     freedoms: tuple[str, ...],
     names: Collection[str],
 ) -> int:
-    """Append the joints of a virtual link; the last has the `name`, others none of `names`."""
+    """Append the joints of a virtual link; the index of the last, which alone has the `name`.
+
+    Pinocchio has one joint for all three translations, and one for all three ZYX angles; where some
+    are locked, each of the others is a joint of its own. `names` are taken.
+    """
     parts: list[Any] = []
     for group, complete in (
         (VIRTUAL_LINK[:3], pin.JointModelTranslation),
@@ -641,7 +650,7 @@ def _virtual_link(
 
 
 def _free(names: Collection[str], name: str) -> str:
-    """A name for a joint that nobody looks up, which none of the robot has."""
+    """A name that is not among `names`, for a joint that nobody looks up by name."""
     while name in names:
         name += "'"
     return name
@@ -664,16 +673,19 @@ def z_to(axis: np.ndarray) -> np.ndarray:
     return np.eye(3) + skew + skew @ skew / (1.0 + z)
 
 
-# Bushes in seats that give way, as links of the URDF.
+# Bushes in elastic seats, as links of the URDF.
+#
+# The bush carries the bearing. A fixed joint, which becomes its elastic mount, holds it in the link
+# that would carry the bearing without a seat.
 
 BUSH, SEAT, _BED = "_bush", "_seat", "_bed"
-"""What is appended to a joint's name: of its bush, of the mount of this, of the link beyond."""
+"""Appended to a joint's name: the bush, its mount, and a link that turns axes back."""
 
 
 def seat_of_joint(
     description: Description, name: str, joint: Clearance, parts: SeatParts
 ) -> Description:
-    """The URDF with the bush of the joint `name`.
+    """The URDF with a bush between the links of the joint `name`.
 
     The mount's z is the joint's axis. Where the child carries the bearing (`Clearance.exchanged`),
     a link without mass turns its axes back to the child's.
@@ -712,7 +724,7 @@ def seat_of_joint(
 def seat_of_loop(
     description: Description, name: str, loop: Loop, joint: Clearance, parts: SeatParts
 ) -> tuple[Description, Loop]:
-    """The URDF and the loop `name` with the bush of its joint.
+    """The URDF with a bush for the joint that closes the loop `name`, and the loop on the bush.
 
     Raises:
         JointplayError: a name is taken.

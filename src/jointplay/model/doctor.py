@@ -1,9 +1,10 @@
-"""What is impossible or doubtful in a robot's file, all of it at once, and what would be right.
+"""Diagnosis of a robot's file: all that is impossible or doubtful in it, and what would be right.
 
-A link's right inertia is that of its shapes at its mass, spread evenly: of closed meshes as they
-are, of open ones their convex hull, of boxes, cylinders and balls. What cannot be known from the
-file, as a mass or a torque, is said, not made up; a mass that is missing is that of water in the
-shapes' volume, and called so.
+`diagnose` examines the URDF part by part (`_Patient`) and mends it on the way, as later parts need
+sound earlier ones: right inertias need right meshes. A link's right inertia is that of its shapes
+at its mass, spread evenly: of boxes, cylinders and balls, of closed meshes, and of the convex hull
+of open ones. What cannot be known from the file, such as a torque, is told and not made up; a mass
+that is missing becomes that of water in the shapes' volume, and is called so.
 """
 
 from __future__ import annotations
@@ -38,42 +39,43 @@ from jointplay.model.xacro import Value
 Element = ElementTree.Element
 
 WATER = 1000.0
-"""Density of a link of which no mass is known [kg/m^3]: printed plastic with hollows is half of it,
-aluminium with hollows as much (judged)."""
+"""Density of a link whose mass is not known [kg/m^3]: twice that of printed plastic with hollows,
+and that of aluminium with hollows (judged)."""
 _DENSEST = 22600.0
-"""Of all that links are made of none is denser: osmium [kg/m^3]."""
+"""Largest density of any material: osmium [kg/m^3]."""
 _HUGE, _TINY = 20.0, 1e-3
-"""Size of a link's meshes relative to the robot's from which, up to which, they are in other units:
-of millimetres taken for metres it is some hundred, the other way a few thousandths of one."""
+"""Size of a link's meshes relative to the robot's above which, and below which, they are in another
+unit: millimetres taken for metres give some hundreds, the other way a few thousandths."""
 _LONGEST = 10.0
-"""A link with a mesh of this size [m] may be in metres after all, of a crane."""
+"""Size up to which a link's mesh may be in metres after all, as a crane's [m]."""
 _ASIDE = 0.1
-"""Part of its size by which a centre of mass may lie outside a link's shapes, which lack motors."""
+"""Distance, relative to a link's size, by which its centre of mass may lie outside its shapes, from
+which motors are often left out."""
 _BEYOND = 1.5
 """Factor by which an inertia may exceed that of the link's mass at its farthest corner."""
 _LEAST = 1e-12
 """Least moment that is written [kg m^2]: MuJoCo refuses 1e-15, which a marker of 1e-9 kg has."""
 _SURE = 100.0
-"""Factor by which it then is in another unit, not of parts that are not drawn: units differ by a
-thousand or more."""
+"""Factor by which an inertia exceeds that at the farthest corner if it is in another unit: units
+differ by a thousand or more, parts that are not drawn add less."""
 _SLIGHT = 0.02
-"""Part of that of its shapes below which an inertia is a placeholder, as 1e-6 is."""
+"""Inertia, relative to that of a link's shapes, below which it is a placeholder, such as 1e-6."""
 
 
 class Finding(NamedTuple):
-    """Something that is not as it should be."""
+    """A fault in a robot's file, with its remedy."""
 
     line: int | None
-    """In the robot's file; None if it is not written there, as what xacro makes."""
+    """Line of the robot's file; None if it is not written there, as elements that xacro makes."""
     where: str
-    """Link or joint."""
+    """Link or joint with the fault."""
     fault: str
     right: str
     """What would be right, in words; empty if nobody can know."""
     element: str = ""
-    """The element that says so, to be pasted; empty if there is none."""
+    """The right element, to be pasted into the file; empty if there is none."""
     note: bool = False
-    """Whether it refuses nothing."""
+    """Whether the robot can be read all the same."""
     doubt: bool = False
     """Whether the file may be right after all, so that `element` is not written into it."""
 
@@ -86,26 +88,28 @@ class Finding(NamedTuple):
 
 @dataclass
 class Diagnosis:
-    """All that was found in a robot's file."""
+    """All findings in a robot's file, and the mended URDF."""
 
     path: Path
     findings: list[Finding]
     root: Element
-    """The URDF with what is right in it."""
+    """The mended URDF."""
     refused: str
-    """Why the URDF with that is refused still; empty if it is not."""
+    """Why the mended URDF is refused still; empty if it is not."""
 
     @property
     def impossible(self) -> list[Finding]:
+        """Findings with which the robot cannot be read."""
         return [finding for finding in self.findings if not finding.note]
 
     @property
     def mended(self) -> int:
-        """Findings of which the right element is known."""
+        """Number of findings that `root` has mended."""
         return sum(bool(finding.element) and not finding.doubt for finding in self.findings)
 
     @property
     def sentence(self) -> str:
+        """The diagnosis in one line."""
         wrong, count = self.impossible, len(self.findings)
         if not count:
             return f"{self.path.name}: nothing impossible was found"
@@ -116,7 +120,7 @@ class Diagnosis:
         return f"{self.path.name}: {summary}{notes}{cure}"
 
     def text(self, path: Path) -> str:
-        """The mended URDF as a file at `path`: meshes that are named from the folder stay so."""
+        """Text of the mended URDF for a file at `path`, relative to which meshes are named."""
         folder, target = self.path.resolve().parent, path.resolve().parent
         for mesh in self.root.iter("mesh"):
             name = mesh.get("filename", "")
@@ -126,10 +130,10 @@ class Diagnosis:
 
 
 def diagnose(place: str | Path, arguments: Mapping[str, Value] | None = None) -> Diagnosis:
-    """Look for all that is impossible in a robot's file, named as for `robots.source_of`.
+    """Find all that is impossible or doubtful in a robot's file, named as for `robots.source_of`.
 
     Raises:
-        JointplayError: it cannot be read, or is no well-formed XML.
+        JointplayError: the file cannot be read, or is no well-formed XML.
     """
     source = source_of(place)
     text = urdf_text(source, arguments or {})
@@ -141,7 +145,7 @@ def diagnose(place: str | Path, arguments: Mapping[str, Value] | None = None) ->
     for beyond in root.findall(BEYOND):
         root.remove(beyond)
     patient = _Patient(source.path, text, root)
-    comments = _without_comments(root)
+    comments = _without_comments(root)  # numbered by now; put back at the end
     findings = [finding for part in patient.parts() for finding in part]
     findings.sort(key=lambda finding: (finding.note, finding.line or 0))
     refused = ""
@@ -158,7 +162,11 @@ def diagnose(place: str | Path, arguments: Mapping[str, Value] | None = None) ->
 
 
 def _without_comments(root: Element) -> list[tuple[Element, Element, Element | None]]:
-    """Take comments out: of each the element it was in, itself, and what came after it."""
+    """Take comments out of a document.
+
+    Returns:
+        For each comment: the element it was in, the comment, and the element after it.
+    """
     comments = []
     for parent in list(root.iter()):
         children: list[Element | None] = [*parent, None]
@@ -171,12 +179,15 @@ def _without_comments(root: Element) -> list[tuple[Element, Element, Element | N
 
 @dataclass
 class _Patient:
+    """A URDF under examination."""
+
     path: Path
     text: str
+    """The URDF's text; of a xacro, the expanded one."""
     root: Element
-    """Mended while it is looked at."""
+    """The URDF's root element, mended on the way."""
     missing: list[str] = field(default_factory=list)
-    """Meshes that are not found."""
+    """Meshes that were not found."""
 
     def __post_init__(self) -> None:
         self.links = self.root.findall("link")
@@ -192,11 +203,12 @@ class _Patient:
         self.solids: dict[Element, _Solid | None] = {}
 
     def parts(self) -> Iterator[Iterator[Finding]]:
-        """All there is to find; in this order, as right inertias need right meshes."""
+        """The findings, part by part; in this order, as right inertias need right meshes."""
         yield from (self.names(), self.slips(), self.scales(), self.inertias())
         yield from (self.marks(), self.lost())
 
     def line(self, element: Element) -> int | None:
+        """Line of an element in the robot's file; in a xacro, the first with its name, if any."""
         if self._same:
             return self._lines.get(id(element))
         pattern = rf"name\s*=\s*[\"']{re.escape(element.get('name', ''))}[\"']"
@@ -224,12 +236,13 @@ class _Patient:
             longest = max(longest, distance)
         return longest
 
-    # Parts of the robot, each with what is found in it.
+    # Parts of the robot and their findings.
 
     def names(self) -> Iterator[Finding]:
-        for kind, all_ in (("link", self.links), ("joint", self.joints)):
+        """Names given twice."""
+        for kind, elements in (("link", self.links), ("joint", self.joints)):
             seen: dict[str, Element] = {}
-            for element in all_:
+            for element in elements:
                 name = element.get("name", "")
                 first = seen.setdefault(name, element)
                 if first is not element:
@@ -239,6 +252,7 @@ class _Patient:
                     yield Finding(self.line(element), f"{kind} {name!r}", fault, right)
 
     def slips(self) -> Iterator[Finding]:
+        """Elements that `urdf.parse` refuses by themselves; limits and masses are mended."""
         for top, why in urdf.slips(self.root):
             where = f"{top.tag} {top.get('name', '')!r}"
             limit, right, text = top.find("limit"), "", ""
@@ -251,7 +265,7 @@ class _Patient:
                 for key in ("effort", "velocity"):
                     limit.set(key, limit.get(key, "0").lstrip("-"))
                 right, text = "positive, as it is a size", _shown(limit)
-            elif "<mass>, where nobody" in why and self._mass(top.find("inertial")):
+            elif "<mass>, where it is not read" in why and self._mass(top.find("inertial")):
                 for mass in top.findall("mass"):
                     top.remove(mass)
                 kept_masses = top.findall("inertial/mass")
@@ -260,6 +274,7 @@ class _Patient:
                           .removeprefix(f"{where}: "), right, text)  # fmt: skip
 
     def marks(self) -> Iterator[Finding]:
+        """Joints that are read, but hardly as meant: missing leaders, long axes, zero limits."""
         names = [joint.get("name", "") for joint in self.joints]
         for joint in self.joints:
             where, line, kind = f"joint {joint.get('name')!r}", self.line(joint), joint.get("type")
@@ -274,7 +289,7 @@ class _Patient:
                 )
             if kind in urdf.NO_AXIS:
                 if kind == "floating":
-                    fault = "floats: play cannot be in it; --base free lets a base float"
+                    fault = "a floating joint cannot have play; --base free lets a base float"
                     yield Finding(line, where, fault, "", note=True)
                 continue
             if axis is not None:
@@ -303,6 +318,7 @@ class _Patient:
                 continue
             size = float(np.ptp(solid.bounds, axis=0).max())
             factor = 1.0
+            # Too small is only what is of a sound size in the other unit.
             if size > max(_LONGEST, _HUGE * self.reach):
                 factor = 1e-3
             elif self.reach and size < _TINY * self.reach and size * 1e3 > _TINY * self.reach * 30:
@@ -313,7 +329,7 @@ class _Patient:
                 old = np.array([float(number) for number in mesh.get("scale", "1 1 1").split()])
                 mesh.set("scale", written(factor * np.broadcast_to(old, 3)))
                 shown = _shown(mesh)
-            del self.solids[link]
+            del self.solids[link]  # of the wrong size
             unit = "millimetres" if factor < 1.0 else "metres, scaled to millimetres"
             fault = (
                 f"meshes of {readable(size, 'm', 3)} on a robot of {readable(self.reach, 'm', 3)}"
@@ -322,11 +338,12 @@ class _Patient:
             yield Finding(self.line(link), f"link {link.get('name')!r}", fault, right, shown, True)
 
     def inertias(self) -> Iterator[Finding]:
+        """Links whose inertia no rigid body has, or that their shapes make unlikely."""
         alone = ElementTree.Element("robot")
         try:
             wrong = impossible_inertias(self.root)
         except (JointplayError, ValueError, KeyError, StopIteration, AttributeError):
-            wrong = None  # of a tree that is none every link is judged by itself
+            wrong = None  # where links form no tree, each is judged by itself
         for link in self.links:
             name, inertial = link.get("name", ""), link.find("inertial")
             alone[:] = [link]
@@ -350,7 +367,7 @@ class _Patient:
                 yield Finding(self.line(link), where, fault, right, text, not matters, doubt)
 
     def _carries(self, name: str) -> bool:
-        """Whether a link that moves has mass by what is fixed to it."""
+        """Whether a link, or any link fixed to it, has mass."""
         by_name = {e.get("name", ""): e for e in self.links}
         new, seen = [name], {name}
         while new:
@@ -367,6 +384,7 @@ class _Patient:
         return False
 
     def _mass(self, inertial: Element | None) -> float:
+        """Mass that an <inertial> states [kg]; 0 if it states none."""
         try:
             text = "" if inertial is None else inertial.find("mass").get("value", "")  # type: ignore[union-attr]
             value = float(text)
@@ -375,7 +393,7 @@ class _Patient:
         return value if np.isfinite(value) else 0.0
 
     def _doubt(self, link: Element, mass: float) -> tuple[str, bool]:
-        """What a possible inertia is not, seen beside the link's shapes; empty if it is.
+        """Fault of a possible inertia beside the link's shapes, in words; empty without one.
 
         And whether the shapes may be to blame: they often leave out motors.
         """
@@ -386,6 +404,7 @@ class _Patient:
         size, centre = float(np.linalg.norm(high - low)), place_of(inertial).translation
         if size < urdf.SHORTEST_AXIS:
             return "", False
+        # The centre of mass, outside the shapes.
         if np.any(centre < low - _ASIDE * size) or np.any(centre > high + _ASIDE * size):
             less = centre / 1e3
             inside = np.all(less >= low) and np.all(less <= high)
@@ -395,6 +414,7 @@ class _Patient:
             ), not inside
         tensor = tensor_of(inertial, f"link {link.get('name')!r}")
         principal = np.linalg.eigvalsh(tensor)
+        # The inertia, beyond that of all mass in the farthest corner, or next to nothing.
         corners = np.abs(np.array([low, high]) - centre).max(axis=0)
         most = mass * float(corners @ corners)
         likely = np.linalg.eigvalsh(solid.at(mass).inertia)
@@ -417,7 +437,7 @@ class _Patient:
         return "", False
 
     def _right(self, link: Element, mass: float | None) -> tuple[str, str]:
-        """The inertia that a link should have, in words and as an element, which it gets."""
+        """Give a link the inertia that it should have; this in words, and as an element."""
         solid, inertial = self.solid(link), link.find("inertial")
         if solid is None:
             return ("", "") if mass is None else self._ball(link, mass)
@@ -440,7 +460,7 @@ class _Patient:
         return text, _put(link, body.mass, place, tensor)
 
     def _ball(self, link: Element, mass: float) -> tuple[str, str]:
-        """Of a link without shapes: a ball of water."""
+        """Give a link without shapes the inertia of a ball of water; see `_right`."""
         radius = (3.0 * mass / (4.0 * np.pi * WATER)) ** (1.0 / 3.0)
         inertial = link.find("inertial")
         place = (None if inertial is None else _place(inertial)) or pin.SE3.Identity()
@@ -449,6 +469,7 @@ class _Patient:
         return text, _put(link, mass, place, tensor)
 
     def lost(self) -> Iterator[Finding]:
+        """Meshes that are missing."""
         for link in self.links:
             self.solid(link)
         if names := list(dict.fromkeys(self.missing)):
@@ -461,13 +482,14 @@ class _Patient:
     # Shapes.
 
     def solid(self, link: Element) -> _Solid | None:
-        """What a link's visuals make up, or else its collision shapes; None if there are none."""
+        """Solid of a link's visual shapes, or else of its collision shapes; None without any."""
         if link not in self.solids:
-            kinds = (self._of(link, kind) for kind in ("visual", "collision"))
+            kinds = (self._solid_of(link, kind) for kind in ("visual", "collision"))
             self.solids[link] = next(filter(None, kinds), None)
         return self.solids[link]
 
-    def _of(self, link: Element, kind: str) -> _Solid | None:
+    def _solid_of(self, link: Element, kind: str) -> _Solid | None:
+        """Solid of a link's shapes of one kind; shapes that cannot be read are left out."""
         bodies, corners, files = [], [], []
         for shape in link.findall(kind):
             geometry = shape.find("geometry")
@@ -498,6 +520,7 @@ class _Patient:
         return _Solid(total, bounds, label, bool(files))
 
     def _parts(self, shape: Element) -> tuple[list[tuple[np.ndarray, np.ndarray]], str]:
+        """Points and triangles of a shape's surfaces; and the name of its mesh file, if any."""
         if shape.tag == "mesh":
             name = shape.get("filename", "")
             path = find_mesh(name, self.folders)
@@ -520,25 +543,30 @@ class _Patient:
 
 @dataclass(frozen=True)
 class _Solid:
-    """Shapes of a link, of density 1, in its frame."""
+    """The shapes of a link, filled."""
 
     body: pin.Inertia
+    """Inertia at density 1 in the link's frame."""
     bounds: np.ndarray
     """Least and largest corner (2, 3) [m]."""
     label: str
+    """What the shapes are, in words."""
     of_mesh: bool
+    """Whether a mesh is among the shapes."""
 
     @property
     def volume(self) -> float:
+        """Volume [m^3]."""
         return float(self.body.mass)
 
     def at(self, mass: float) -> pin.Inertia:
+        """Inertia at a mass [kg]."""
         part = mass / self.body.mass
         return pin.Inertia(mass, self.body.lever, part * self.body.inertia)
 
 
 def _evenly(points: np.ndarray, triangles: np.ndarray) -> pin.Inertia:
-    """A closed surface filled with density 1; an open one's convex hull; of a flat one, nothing."""
+    """Inertia at density 1 of a closed surface, or of an open one's convex hull; zero if flat."""
     import trimesh
 
     mesh = trimesh.Trimesh(points, triangles, process=False)
@@ -548,12 +576,13 @@ def _evenly(points: np.ndarray, triangles: np.ndarray) -> pin.Inertia:
         if mesh.volume < 0.0:  # mirrored
             mesh.invert()
         body = pin.Inertia(float(mesh.volume), mesh.center_mass, mesh.moment_inertia)
-    except Exception:  # noqa: BLE001 - Qhull and trimesh raise whatever they like of flat ones
+    except Exception:  # noqa: BLE001 - Qhull and trimesh raise whatever they like at flat ones
         return pin.Inertia.Zero()
     return body if body.mass > 0.0 and np.isfinite(body.inertia).all() else pin.Inertia.Zero()
 
 
 def _place(inertial: Element) -> pin.SE3 | None:
+    """Pose of an <inertial>; None if its origin is no pose."""
     try:
         return place_of(inertial)
     except (ValueError, TypeError):
@@ -561,7 +590,7 @@ def _place(inertial: Element) -> pin.SE3 | None:
 
 
 def _unit(ratio: float) -> str:
-    """In which unit an inertia may be written that is so many times that of the shapes."""
+    """A question in which unit an inertia is written that is `ratio` times that of the shapes."""
     for factor, unit in ((1e9, "g mm2"), (1e7, "g cm2"), (1e6, "kg mm2"), (1e4, "kg cm2"),
                          (1e3, "g m2"), (3417.0, "lb in2")):  # fmt: skip
         if 1.0 / 3.0 < ratio / factor < 3.0:
@@ -570,7 +599,7 @@ def _unit(ratio: float) -> str:
 
 
 def _put(link: Element, mass: float, place: pin.SE3, tensor: np.ndarray) -> str:
-    """Give a link this inertial, in place of its own; its text."""
+    """Give a link an <inertial>, in place of its own; the element's text."""
     old = link.find("inertial")
     inertial = ElementTree.SubElement(link, "inertial") if old is None else old
     if old is None:
@@ -590,14 +619,14 @@ def _put(link: Element, mass: float, place: pin.SE3, tensor: np.ndarray) -> str:
 
 
 def _shown(element: Element) -> str:
-    """An element as one pastes it."""
+    """Text of an element, indented, to be pasted."""
     plain = ElementTree.fromstring(ElementTree.tostring(element, encoding="unicode").strip())
     ElementTree.indent(plain)
     return ElementTree.tostring(plain, encoding="unicode").strip()
 
 
 def _lines(text: str) -> list[int]:
-    """In which line each element begins, comments within the first among them, in their order."""
+    """Line in which each element begins, in order; comments inside the root count as elements."""
     lines: list[int] = []
     parser = expat.ParserCreate()
 

@@ -1,4 +1,4 @@
-"""Elements of URDF and of other XML about robots, their numbers written in full."""
+"""XML elements of URDF and other robot formats, with numbers that read back the same."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ Element = ElementTree.Element
 
 
 def put(parent: Element, tag: str, **values: Any) -> Element:
-    """Append an element with attributes: text, or numbers and lists of them."""
+    """Append an element with attributes: text, numbers, or arrays of numbers."""
     texts = {name: written(value) for name, value in values.items()}
     return ElementTree.SubElement(parent, tag, texts)
 
 
 def written(value: Any) -> str:
-    """Text as it is; numbers so that they read back the same."""
+    """An attribute's text: text as it is, numbers so that they read back the same."""
     if isinstance(value, str):
         return value
     return " ".join(_shortest(float(x) + 0.0) for x in np.ravel(value))
@@ -37,7 +37,7 @@ def document(root: Element) -> str:
 
 
 def put_inertial(link: Element, inertia: pin.Inertia, axes: pin.SE3 | None = None) -> None:
-    """Append a link's inertial: `inertia` in the link's frame, or in `axes`, about their origin."""
+    """Append a link's <inertial>: `inertia` in the link's frame, or about the origin of `axes`."""
     inertial = put(link, "inertial")
     place = pin.SE3(np.eye(3), inertia.lever) if axes is None else axes
     if not place.isIdentity(0.0):
@@ -61,13 +61,13 @@ def put_fixed(root: Element, name: str, parent: str, child: str, place: pin.SE3)
 
 
 def set_end(joint: Element, end: str, link: str) -> None:
-    """Let an end of a joint be another link."""
+    """Set the link at an end (``parent`` or ``child``) of a joint."""
     for element in joint.findall(end):
         element.set("link", link)
 
 
 def place_of(element: Element) -> pin.SE3:
-    """Where the origin of a joint or of an inertial is."""
+    """Pose that the <origin> of a joint, an <inertial> or a shape states."""
     origin = element.find("origin")
     if origin is None:
         return pin.SE3.Identity()
@@ -76,6 +76,6 @@ def place_of(element: Element) -> pin.SE3:
 
 
 def origin_of(place: pin.SE3) -> Element:
-    """The element that says so."""
+    """An <origin> element that states a pose."""
     xyz, rpy = place.translation, pin.rpy.matrixToRpy(place.rotation)
     return Element("origin", {"xyz": written(xyz), "rpy": written(rpy)})

@@ -1,7 +1,7 @@
-"""Joints that are held: made fixed in the description, as if they had been welded.
+"""Held joints: made fixed in the description, as if welded.
 
-Links at the end of a chain that nothing gives inertia are of use only if they do not move: a head
-that is a frame for its cameras, the fingers of a hand.
+That is also how links without inertia at the end of a chain can be used: a head that is a frame for
+its cameras, the fingers of a hand.
 """
 
 from __future__ import annotations
@@ -17,13 +17,14 @@ from jointplay.model.urdf import Description, doubt, read_again
 from jointplay.model.vocabulary import numbers
 
 _OF_FIXED = ("parent", "child")
-"""Elements that a fixed joint keeps; its origin is written anew."""
+"""Elements that a joint keeps when it becomes fixed; its origin is written anew."""
 
 
 def without_floating_base(description: Description, clearance: Collection[str]) -> Description:
-    """The description without a floating joint from the ground: `base` says if the base is free.
+    """The description with a floating joint from the ground made fixed.
 
-    One that has `clearance` is a joint with play, for which URDF has no other word.
+    Whether the base is free, `Mechanism`'s argument `base` says. A floating joint that has
+    `clearance` stays: it is a joint with play, for which URDF has no other word.
     """
     bases = [
         joint.name
@@ -41,10 +42,10 @@ def without_floating_base(description: Description, clearance: Collection[str]) 
 
 
 def with_fixed(description: Description, joints: Collection[str]) -> Description:
-    """The description with these joints fixed, and with them those that mimic them.
+    """The description with these joints fixed, and the joints that mimic them.
 
-    A joint is held where it stands if nobody says where (`JointEntry.neutral`). One that is fixed
-    already stays as it is.
+    A joint is held in its neutral position (`JointEntry.neutral`). One that is fixed already stays
+    as it is.
 
     Raises:
         MissingName: no such joint.

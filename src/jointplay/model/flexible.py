@@ -1,8 +1,9 @@
-"""Flexible links, as links and joints of the URDF.
+"""Flexible links cut into rigid pieces and elastic hinges, as links and joints of the URDF.
 
-The link NAME becomes rigid pieces NAME, NAME_2, NAME_3, ..., and the hinges between them mounts
-NAME_hinge_1, NAME_hinge_2, ... that give way in bending and torsion; in the URDF these are fixed
-joints, which is what remains of them in the ideal mechanism. The frame NAME_tip is at the end.
+The link NAME becomes rigid pieces NAME, NAME_2, NAME_3, ...; the hinges between them are mounts
+NAME_hinge_1, NAME_hinge_2, ... that give way in bending and torsion. In the URDF the hinges are
+fixed joints, as they are in the ideal mechanism. The frame NAME_tip is at the end. Joints and loops
+on the link move to the pieces that carry them.
 """
 
 from __future__ import annotations
@@ -29,12 +30,13 @@ from jointplay.model.elements import (
     put_inertial,
     set_end,
 )
+from jointplay.model.inertias import tensor_of
 from jointplay.model.loop import Loop
 from jointplay.model.urdf import Description, read_again
 from jointplay.physics.joints import Clearance, hinge_of_beam
 
 HINGE, TIP = "_hinge_", "_tip"
-"""What is appended to a link's name: of its hinges, with a number, and of the frame at its end."""
+"""Appended to a link's name: its hinges, with a number behind, and the frame at its end."""
 
 _SHORTEST_M = 1e-6
 """Length of the shortest beam."""
@@ -46,15 +48,15 @@ class Cut(NamedTuple):
     description: Description
     loops: dict[str, Loop]
     hinges: dict[str, Clearance]
-    """By name."""
+    """Hinges by name."""
     summaries: dict[str, str]
-    """What was made of each link, in a line."""
+    """A line on each flexible link: section, mass, frequencies."""
 
 
 def cut_links(
     description: Description, loops: Mapping[str, Loop], flexible: Mapping[str, FlexibleLink]
 ) -> Cut:
-    """The URDF and its loops with flexible links.
+    """Cut the flexible links of a URDF, by name, and put its loops on the pieces.
 
     Raises:
         JointplayError: no such link, no end for a beam, or a name that is taken.
@@ -70,7 +72,7 @@ def cut_links(
 
 
 def hinges_of(description: Description, joints: Iterable[str]) -> dict[str, list[str]]:
-    """Those of `joints` that are hinges, by flexible link."""
+    """Those of `joints` that are hinges of a flexible link, by link."""
     hinges: dict[str, list[str]] = {}
     for name in joints:
         link, _, number = name.rpartition(HINGE)
@@ -80,15 +82,16 @@ def hinges_of(description: Description, joints: Iterable[str]) -> dict[str, list
 
 
 def end_of_tool(tool: str, flexible: Mapping[str, FlexibleLink]) -> str:
-    """The frame at the end of a link that was chosen as tool, if it is flexible."""
+    """The tool, or the frame at its end if it is a flexible link."""
     return f"{tool}{TIP}" if tool in flexible else tool
 
 
 def _cut(cut: Cut, name: str, flexible: FlexibleLink) -> Cut:
+    """Cut one more link, and its entry in the URDF, loops and hinges so far."""
     root = cut.description.elements()
     link = next(element for element in root.findall("link") if element.get("name") == name)
-    held = [joint for joint in root.findall("joint") if _link_of(joint, "parent") == name]
-    last, end = _end(name, flexible, held)
+    carried = [joint for joint in root.findall("joint") if _link_of(joint, "parent") == name]
+    last, end = _end(name, flexible, carried)
     start = np.array(flexible.start)
     length = float(np.linalg.norm(end - start))
     if length < _SHORTEST_M:
@@ -99,6 +102,7 @@ def _cut(cut: Cut, name: str, flexible: FlexibleLink) -> Cut:
     along = (end - start) / length
     axes = _axes(along, flexible)
     places = flexible.hinges(length)
+    # The first piece keeps the link's frame; each other has its own in the hinge before it.
     frames = [pin.SE3.Identity(), *(pin.SE3(axes, start + s * along) for s in places)]
     pieces = [name, *(f"{name}_{k + 2}" for k in range(flexible.segments))]
     hinges = [f"{name}{HINGE}{k + 1}" for k in range(flexible.segments)]
@@ -106,6 +110,7 @@ def _cut(cut: Cut, name: str, flexible: FlexibleLink) -> Cut:
     def piece_at(point: np.ndarray) -> int:
         return int(np.count_nonzero(places < along @ (point - start)))
 
+    # The pieces, with inertias and pictures in place of the link's.
     bounds = np.array([0.0, *places, length])
     inertias, masses = _inertias(link, flexible, frames, bounds, axes, start)
     colour = link.find("visual/material")
@@ -122,12 +127,13 @@ def _cut(cut: Cut, name: str, flexible: FlexibleLink) -> Cut:
             if tag == "visual" and colour is not None:
                 shape.append(deepcopy(colour))
             element.append(shape)
+    # Hinges and tip between them; then what the link carried, on its pieces.
     for k, hinge in enumerate(hinges):
         put_fixed(root, hinge, pieces[k], pieces[k + 1], frames[k].actInv(frames[k + 1]))
     put(root, "link", name=f"{name}{TIP}")
     end_frame = frames[-1].actInv(pin.SE3(np.eye(3), end))
     put_fixed(root, f"{name}{TIP}", pieces[-1], f"{name}{TIP}", end_frame)
-    for joint in held:
+    for joint in carried:
         place = place_of(joint)
         k = flexible.segments if joint is last else piece_at(place.translation)
         set_end(joint, "parent", pieces[k])
@@ -147,19 +153,19 @@ def _cut(cut: Cut, name: str, flexible: FlexibleLink) -> Cut:
 
 
 def _end(
-    name: str, flexible: FlexibleLink, held: list[Element]
+    name: str, flexible: FlexibleLink, carried: list[Element]
 ) -> tuple[Element | None, np.ndarray]:
-    """Joint at which the beam ends, if it does at one, and the point."""
+    """Joint at which the beam ends, if it ends at one, and the point in the link's frame [m]."""
     if flexible.tip is not None:
         return None, np.array(flexible.tip)
-    by_name = {joint.get("name", ""): joint for joint in held}
+    by_name = {joint.get("name", ""): joint for joint in carried}
     if flexible.to is not None:
         if flexible.to not in by_name:
             noun = f"joint that link {name!r} carries"
             raise MissingName(noun, flexible.to, by_name, where=("to",))
         last = by_name[flexible.to]
         return last, place_of(last).translation
-    moving = [joint for joint in held if joint.get("type") != "fixed"] or held
+    moving = [joint for joint in carried if joint.get("type") != "fixed"] or carried
     if len(moving) != 1:
         if not moving:
             raise JointplayError(
@@ -173,7 +179,7 @@ def _end(
 
 
 def _axes(along: np.ndarray, flexible: FlexibleLink) -> np.ndarray:
-    """Axes of the section: x along its width, y along its height, z along the beam."""
+    """Axes of the section in the link's frame, (3, 3): x along its width, y height, z the beam."""
     direction = flexible.height_along
     if direction is None:
         direction = (0.0, 1.0, 0.0) if abs(along[2]) > 0.9 else (0.0, 0.0, 1.0)
@@ -193,7 +199,11 @@ def _inertias(
     axes: np.ndarray,
     start: np.ndarray,
 ) -> tuple[list[pin.Inertia], tuple[float, float]]:
-    """Inertia of each piece in its frame; and mass of the URDF's link, and what is kept of it."""
+    """Inertia of each piece in its frame; the mass of the URDF's link, and the part that is kept.
+
+    What the URDF's link weighs beyond the beam stays, as a rigid body on the piece at its centre of
+    mass.
+    """
     beam, inertias = flexible.beam, []
     for frame, low, high in zip(frames, bounds[:-1], bounds[1:], strict=True):
         size = high - low
@@ -213,22 +223,19 @@ def _inertias(
 
 
 def _given_inertia(link: Element) -> pin.Inertia | None:
+    """Inertia of a link in its frame; None if it has no <inertial>."""
     inertial = link.find("inertial")
     if inertial is None:
         return None
-    mass, tensor = inertial.find("mass"), inertial.find("inertia")
-    assert mass is not None  # as was checked when it was read
-    assert tensor is not None
-    xx, xy, xz, yy, yz, zz = (
-        float(tensor.get(f"i{axes}", "0")) for axes in ("xx", "xy", "xz", "yy", "yz", "zz")
-    )
-    about = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-    inertia = pin.Inertia(float(mass.get("value", "0")), np.zeros(3), about)
+    mass = inertial.find("mass")
+    assert mass is not None  # checked when the URDF was read
+    tensor = tensor_of(inertial, f"link {link.get('name')!r}")
+    inertia = pin.Inertia(float(mass.get("value", "0")), np.zeros(3), tensor)
     return place_of(inertial).act(inertia)
 
 
 def _shape(tag: str, flexible: FlexibleLink, place: pin.SE3, length: float) -> Element:
-    """What a piece looks like: its section, filled."""
+    """Picture or collision shape of a piece: its section, filled."""
     element = Element(tag)
     element.append(origin_of(place))
     geometry = put(element, "geometry")
@@ -246,7 +253,10 @@ def _shape(tag: str, flexible: FlexibleLink, place: pin.SE3, length: float) -> E
 
 
 def _hinge(flexible: FlexibleLink, stretch: float, length: float) -> Clearance:
-    """What stands for the stiffness of one stretch of the beam."""
+    """Hinge with the stiffness and damping of one stretch of the beam.
+
+    Where shear stiffness is not known, translations get that of a beam in bending (12 EI / h^3).
+    """
     beam = flexible.beam
     across = beam.shear or tuple(12.0 * x / stretch**2 for x in beam.bending)
     stiffness = np.array([*across, beam.axial, *beam.bending, beam.torsion]) / stretch
@@ -277,6 +287,7 @@ def _moved(
 
 
 def _summary(flexible: FlexibleLink, length: float, masses: tuple[float, float]) -> str:
+    """A line on a flexible link; `masses` are those of the URDF's link and of what is kept."""
     beam, (stated, remainder) = flexible.beam, masses
     label = flexible.section or "given stiffness"
     if flexible.material is not None:

@@ -1,16 +1,14 @@
-"""A robot's description from a file of any format: what is no URDF is turned into one.
+"""Robots' files of all formats: a file that is no URDF is turned into one.
 
-A format is a module with a function from the file's text to that of a URDF, and its line in
-`FORMATS`; xacro (`model.xacro`) can be told from a URDF only by what is in it. All that comes later
-sees a `Description`.
+An MJCF is told by its root element, xacro (`model.xacro`) by what is in the file. All that comes
+later sees a `Description`.
 """
 
 from __future__ import annotations
 
 import re
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Callable, Collection, Mapping
-from importlib import import_module
+from collections.abc import Collection, Mapping
 from io import StringIO
 from pathlib import Path
 
@@ -20,9 +18,8 @@ from jointplay.model import urdf, xacro
 from jointplay.model.robots import Source, source_of
 
 _PREFIX = re.compile(r"<([A-Za-z_][\w.-]*):")
-FORMATS: dict[str, tuple[str, str]] = {"mujoco": ("mjcf", "urdf_text")}
-"""Module here and function that turn a format into a URDF, ``(text, path) -> text``, by the tag of
-the file's root element; it is imported when a file has that root. Any other file is a URDF."""
+_MJCF = "mujoco"
+"""Tag of an MJCF's root element."""
 
 
 def read(
@@ -31,13 +28,13 @@ def read(
     folder: Path = Path(),
     arguments: Mapping[str, xacro.Value] | None = None,
 ) -> urdf.Description:
-    """Read a robot and check every inertia, but of links in `allow_unphysical`, or ``"all"``.
+    """Read and check a robot.
 
     Args:
         place: a file, or a robot's name, as for `robots.source_of`.
-        allow_unphysical: links whose inertia is not checked.
+        allow_unphysical: links whose inertia is not checked; ``"all"`` for all of them.
         folder: where a relative path begins.
-        arguments: of xacro, by name.
+        arguments: arguments of xacro, by name.
 
     Raises:
         JointplayError: the file is missing or malformed, its links do not form one tree, or a
@@ -66,28 +63,26 @@ def urdf_text(source: Source, arguments: Mapping[str, xacro.Value]) -> str:
     elif arguments:
         name = next(iter(arguments))
         raise JointplayError(f"{str(path)!r} is no xacro: it takes no argument {name!r}")
-    tag = _root_tag(text)
-    if tag not in FORMATS:  # many have <sensor:camera> for Gazebo, and do not declare the prefix
-        prefixes = dict.fromkeys(_PREFIX.findall(xacro.without_comments(text)))
-        declared = [
-            f' xmlns:{prefix}="{prefix}"' for prefix in prefixes if f"xmlns:{prefix}" not in text
-        ]
-        return re.sub(r"<robot\b", lambda match: match[0] + "".join(declared), text, count=1)
-    module, name = FORMATS[tag]
-    converted: Callable[[str, Path], str] = getattr(
-        import_module(f"jointplay.model.{module}"), name
-    )
-    return converted(text, path)
+    if _root_tag(text) == _MJCF:
+        from jointplay.model import mjcf  # a module that a URDF does without
+
+        return mjcf.urdf_text(text, path)
+    # Many URDFs have <sensor:camera> for Gazebo, and do not declare the prefix.
+    prefixes = dict.fromkeys(_PREFIX.findall(xacro.without_comments(text)))
+    declared = [
+        f' xmlns:{prefix}="{prefix}"' for prefix in prefixes if f"xmlns:{prefix}" not in text
+    ]
+    return re.sub(r"<robot\b", lambda match: match[0] + "".join(declared), text, count=1)
 
 
 def says_more(place: str | Path, folder: Path = Path()) -> bool:
-    """Whether a robot's file, unless it is a xacro, is of a format that says more than a URDF."""
+    """Whether a robot's file is of a format that says more than a URDF: an MJCF."""
     path = source_of(place, folder).path
-    return _root_tag(read_text(path, "robot")) in FORMATS
+    return _root_tag(read_text(path, "robot")) == _MJCF
 
 
 def _root_tag(text: str) -> str:
-    """Tag of the root element; empty if it is not well-formed, which the URDF's reader says."""
+    """Tag of the root element; empty if the text is not well-formed, which `urdf` reports."""
     try:
         _, root = next(ElementTree.iterparse(StringIO(text), ("start",)))
     except (ElementTree.ParseError, ValueError, StopIteration):

@@ -1,4 +1,4 @@
-"""Frames that bodies carry: how one stands and moves against another."""
+"""Frames on bodies: the pose and motion of one against another."""
 
 from __future__ import annotations
 
@@ -6,16 +6,20 @@ import numpy as np
 import pinocchio as pin
 
 Frame = tuple[int, pin.SE3]
-"""A Pinocchio joint, and a frame's placement in it."""
+"""A frame: the Pinocchio joint that carries it, and its placement in the joint's frame."""
 
 Frames = tuple[Frame, Frame]
-"""Two of them, such as bearing and journal."""
+"""Two frames, such as bearing and journal."""
 
 WORLD_FRAME: Frame = (0, pin.SE3.Identity())
 
+TURNING, SLIDING = "JointModelR", "JointModelP"
+"""Prefixes of Pinocchio's names for joints with one axis: revolute and prismatic ones. Planar
+joints, ``JointModelPlanar``, have more than one coordinate."""
+
 
 def carried(model: pin.Model, index: int) -> Frame:
-    """Frame number `index` of a model."""
+    """The frame with number `index` of a model."""
     frame = model.frames[index]
     return int(frame.parentJoint), frame.placement
 
@@ -30,8 +34,26 @@ def motions(model: pin.Model, data: pin.Data, index: int) -> np.ndarray:
     return columns[:, joint.idx_v : joint.idx_v + joint.nv].T
 
 
+def single_axis(model: pin.Model, data: pin.Data, index: int) -> tuple[np.ndarray, bool] | None:
+    """Axis of Pinocchio's joint `index` in the joint's frame, and whether it slides along it.
+
+    None if the joint neither turns about one axis nor slides along one. After
+    `pin.computeJointJacobians`.
+    """
+    joint = model.joints[index]
+    kind = joint.shortname()
+    if joint.nv != 1 or not kind.startswith((TURNING, SLIDING)):
+        return None
+    (motion,), slides = motions(model, data, index), kind.startswith(SLIDING)
+    return (motion[:3] if slides else motion[3:]), slides
+
+
 def signs_between(model: pin.Model, first: int, second: int) -> np.ndarray:
-    """+1 for coordinates that move the second joint only, -1 the first only, 0 else, (nv,)."""
+    """Sign with which each coordinate moves Pinocchio joint `second` against `first`, (nv,).
+
+    +1 for coordinates that carry the second only, -1 the first only, 0 for both or neither: the
+    relative Jacobian is the columns of `data.J` with these signs.
+    """
     signs = np.zeros(model.nv)
     for end, sign in ((second, 1.0), (first, -1.0)):
         for index in list(model.supports[end])[1:]:

@@ -1,10 +1,10 @@
-"""Bases that nothing holds: six coordinates of the base, and the charts that describe its turns.
+"""Free bases: six coordinates of a base that nothing holds, and the charts that describe its turns.
 
 The base has three lengths along the world's axes and three angles yaw, pitch, roll, as a virtual
 link has. Angles of this kind are no coordinates where the pitch is a right angle, and a base that
-tumbles gets there. While a run is under way the angles are therefore counted from a rotation of
-the run's own, its chart, which is replaced before the pitch gets far; what is recorded is counted
-from the pose of the URDF throughout.
+tumbles gets there. During a run the angles therefore count from a rotation that the run chooses,
+its chart, which is replaced before the pitch gets far; recorded angles count from the pose of the
+URDF throughout.
 """
 
 from __future__ import annotations
@@ -15,25 +15,25 @@ import numpy as np
 
 FREE, HELD = "free", "held"
 BASES = (HELD, FREE)
-"""What can be said of a base: bolted to the ground, or held by nothing."""
+"""Kinds of base: bolted to the ground, or held by nothing."""
 
 BASE = "base"
-"""Whose the coordinates of a free base are: ``base.x`` and so on."""
+"""Joint name of a free base's coordinates: ``base.x`` and so on."""
 
 ANGLES = slice(3, 6)
-"""Of the base's coordinates, those that turn it: yaw, pitch, roll."""
+"""Coordinates of the base that turn it: yaw, pitch, roll."""
 
 STEEPEST_START = 1e-3
 """Cosine of the pitch below which a base cannot start: its rates there would not be numbers."""
 
 _LEAST_COSINE = 1e-12
-"""Stands for a smaller cosine of the pitch, lest rates be divided by zero."""
+"""Least cosine of the pitch by which rates are divided."""
 _STILL = 1e-9
-"""Angular velocity below which a chart does not ask for its direction [rad/s]."""
+"""Angular velocity below which its direction does not turn a chart: rounding [rad/s]."""
 
 
 def rotation(angles: np.ndarray) -> np.ndarray:
-    """Rotations R_z R_y R_x, shape (..., 3, 3), by yaw, pitch, roll (..., 3) [rad]."""
+    """Rotations R_z R_y R_x, shape (..., 3, 3), of yaw, pitch, roll (..., 3) [rad]."""
     cosines, sines = np.cos(angles), np.sin(angles)
     cy, cp, cr = np.moveaxis(cosines, -1, 0)
     sy, sp, sr = np.moveaxis(sines, -1, 0)
@@ -46,7 +46,7 @@ def rotation(angles: np.ndarray) -> np.ndarray:
 
 
 def turning(angles: np.ndarray, rates: np.ndarray) -> np.ndarray:
-    """Angular velocity in the body's axes [rad/s], of yaw, pitch, roll and their rates (..., 3)."""
+    """Angular velocity in the body's axes (..., 3) [rad/s], at yaw, pitch, roll and their rates."""
     _, cp, cr = np.moveaxis(np.cos(angles), -1, 0)
     _, sp, sr = np.moveaxis(np.sin(angles), -1, 0)
     yaw, pitch, roll = np.moveaxis(rates, -1, 0)
@@ -63,11 +63,11 @@ def rates(angles: np.ndarray, spin: np.ndarray) -> np.ndarray:
 
 
 def angles_of(turns: np.ndarray, before: np.ndarray | None = None) -> np.ndarray:
-    """Yaw, pitch, roll (n, 3) [rad] of rotations (n, 3, 3) in a row, without jumps.
+    """Yaw, pitch, roll (n, 3) [rad] of consecutive rotations (n, 3, 3), without jumps.
 
-    Two triples of angles mean the same rotation, and either may have whole turns added: the one
-    that goes on from the last is taken, the first from `before` (3,); without it the pitch begins
-    below a right angle.
+    Two triples of angles mean the same rotation, and whole turns may be added to either: the triple
+    that continues from the last one is taken. The first continues from `before` (3,); without it,
+    its pitch is below a right angle.
     """
     angles = np.stack(
         [
@@ -89,18 +89,20 @@ def angles_of(turns: np.ndarray, before: np.ndarray | None = None) -> np.ndarray
     same, crossed = jumps(path[:-1]), jumps(flipped[:-1])
     through = np.cumsum(crossed < same) % 2 == 1  # from one triple to the other, and back
     path[1:][through] = flipped[1:][through]
-    # Whole turns by their number: rounding must not depend on how many rotations are asked for.
+    # Whole turns are counted and multiplied, not summed up as angles: rounding must not depend on
+    # how many rotations are asked for.
     number = np.cumsum(np.rint(-np.diff(path, axis=0) / (2.0 * math.pi)), axis=0)
     gone: np.ndarray = path[1:] + 2.0 * math.pi * number
     return gone
 
 
 def chart_for(turn: np.ndarray, spin: np.ndarray) -> np.ndarray:
-    """A chart (3, 3) in which the pitch is zero now, and stays so if the base goes on as it turns.
+    """A chart (3, 3), from which angles count, in which the base's pitch is zero now.
 
-    Angles are counted from it. Its z is square to the body's x, and otherwise as near as can be to
-    the axis of `spin` (3,), the angular velocity in the base's own axes: a body that turns about
-    one axis, its own x or one square to that, keeps the chart.
+    It stays zero if the base keeps its angular velocity, as far as possible: the chart's x is the
+    body's x, its z is square to that and as near as possible to the axis of `spin` (3,), the
+    angular velocity in the base's own axes. A body that turns about its own x, or about an axis
+    square to that, keeps the chart.
     """
     x, across = turn[:, 0], np.array([0.0, spin[1], spin[2]])
     size = float(np.linalg.norm(across))

@@ -1,4 +1,10 @@
-"""Play, elasticity and losses in a drive: a motor, and the gear between it and its joint.
+"""Gears between motors and joints: play, elasticity, hysteresis, kinematic error and losses.
+
+A `Gearing` is a nonlinear torsion spring between the motor's coordinate and the joint's: no torque
+within the play; beyond it an elastic `Curve` and, in parallel, bristles that give the hysteresis
+loop. Friction acts on the motor (`Losses`). Kinds of gear differ in the numbers from which these
+follow: a stiffness (`Gear`, `GearTrain`), or what catalogues measure (`StrainWaveGear`,
+`CycloidalGear`).
 
 A screw, rack or belt before a joint that slides is such a gear in metres and newtons: what is a
 torque, an angle or an inertia here is a force, a way or a mass there.
@@ -32,25 +38,25 @@ from jointplay.base.schema import (
 from jointplay.physics.kernel.constants import GEAR_ORDERS
 
 SOFTEST = 1e-4
-"""Least stiffness that a stated lost motion may stand for, relative to the gear's own."""
+"""Least stiffness to which a stated lost motion may lead, relative to the gear's first one."""
 
 CYCLES = 2
-"""Cycles of load until a loop closes."""
+"""Cycles of load after which a hysteresis loop is closed."""
 
 
 class Curve(NamedTuple):
-    """Odd elastic torque over the twist beyond the play, in straight pieces."""
+    """Elastic torque over the twist beyond the play: an odd, piecewise linear function."""
 
     slopes: np.ndarray
-    """(n + 1,) [N m/rad]."""
+    """Stiffness of each piece, (n + 1,) [N m/rad]."""
     twists: np.ndarray
-    """At which the slope changes, (n,) [rad]."""
+    """Twists at which the slope changes, (n,) [rad]."""
     torques: np.ndarray
-    """There, (n,) [N m]."""
+    """Torques at these twists, (n,) [N m]."""
 
     @classmethod
     def of(cls, pieces: Sequence[tuple[float, float]]) -> Curve:
-        """Curve of pieces: slope [N m/rad], and torque at which the piece ends [N m]."""
+        """Curve of pieces: the slope of each [N m/rad], and the torque at which it ends [N m]."""
         slopes = np.array([slope for slope, _ in pieces])
         torques = np.array([end for _, end in pieces[:-1]])
         steps = np.diff(torques, prepend=0.0) / slopes[:-1]
@@ -60,17 +66,17 @@ class Curve(NamedTuple):
         return np.append(0.0, self.twists), np.append(0.0, self.torques)
 
     def torque(self, depth: np.ndarray) -> np.ndarray:
-        """Torque at a twist beyond the play that is not negative [N m]."""
+        """Torque [N m] at twists beyond the play (`depth`, not negative) [rad]."""
         twists, torques = self._starts()
         at = np.searchsorted(self.twists, depth)
         return np.asarray(torques[at] + self.slopes[at] * (depth - twists[at]))
 
     def slope(self, depth: float) -> float:
-        """Stiffness there [N m/rad]."""
+        """Stiffness at a twist beyond the play [N m/rad]."""
         return float(self.slopes[np.searchsorted(self.twists, depth)])
 
     def energy(self, depth: np.ndarray) -> np.ndarray:
-        """Energy stored there [J]."""
+        """Elastic energy stored at twists beyond the play [J]."""
         twists, torques = self._starts()
         steps = 0.5 * np.diff(twists) * (torques[1:] + torques[:-1])
         stored = np.append(0.0, np.cumsum(steps))
@@ -79,7 +85,7 @@ class Curve(NamedTuple):
         return np.asarray(stored[at] + torques[at] * more + 0.5 * self.slopes[at] * more**2)
 
     def depth(self, torque: np.ndarray) -> np.ndarray:
-        """Twist beyond the play that a torque, not negative, takes [rad]."""
+        """Twists beyond the play [rad] at torques, not negative [N m]: the inverse of `torque`."""
         twists, torques = self._starts()
         at = np.searchsorted(self.torques, torque)
         return np.asarray(twists[at] + (torque - torques[at]) / self.slopes[at])
@@ -89,43 +95,43 @@ class Losses(NamedTuple):
     """Friction on a gear's motor, referred to the joint."""
 
     running: float = 0.0
-    """Dry, without load [N m]."""
+    """Dry friction without load [N m]."""
     viscous: float = 0.0
-    """[N m s/rad]."""
+    """Viscous friction [N m s/rad]."""
     driving: float = 0.0
-    """Dry, per torque that the gear holds, where the motor drives."""
+    """Dry friction per torque that the gear transmits, where the motor drives."""
     driven: float = 0.0
-    """The same where the joint drives."""
+    """Dry friction per torque that the gear transmits, where the joint drives."""
 
 
 class Gearing(Described, ABC):
     """A gear between a motor and the joint that it moves. Subclasses are frozen dataclasses.
 
     The motor becomes a coordinate of its own, ``<joint>.motor``. All quantities are referred to the
-    joint's side: an inertia J behind a ratio N counts N^2 J. The rotor's gyroscopic effect is left
-    out, and it weighs nothing.
+    joint's side: an inertia J behind a ratio N counts N^2 J. The rotor's gyroscopic effect and
+    weight are left out.
     """
 
     selector = ("kind", "kind")
 
     kind: ClassVar[str]
-    """The one word that selects the gear."""
+    """The word that selects the kind of gear."""
     linear: ClassVar[bool] = False
-    """Whether it can move a joint that slides, too."""
+    """Whether the gear can move a joint that slides, too."""
     play: float
     """Angle or way by which the joint moves freely while the motor stands [rad or m]."""
     rotor_inertia: float
-    """Inertia of the rotor [kg m^2 or kg]."""
+    """Inertia of the rotor, referred to the joint [kg m^2 or kg]."""
     damping: float
     """Damping of the teeth in contact and the shaft [N m s/rad or N s/m]."""
     ruled: ClassVar[tuple[str, ...]] = ("rotor_inertia",)
-    """Fields for which a rule of `gear_rules` stands where they are not given."""
+    """Fields whose numbers a rule of `gear_rules` gives where nobody does."""
     rated_torque: float | None = None
-    """To which catalogues refer lost motion and hysteresis [N m]; None: not known."""
+    """Torque to which catalogues refer lost motion and hysteresis [N m]; None: not known."""
 
     @abstractmethod
     def curve(self) -> Curve:
-        """Its elastic torque over the twist beyond the play."""
+        """Elastic torque of the gear over the twist beyond the play."""
 
     @property
     def missing(self) -> tuple[str, ...]:
@@ -134,42 +140,45 @@ class Gearing(Described, ABC):
 
     @property
     def bristles(self) -> tuple[float, float]:
-        """Largest torque of its hysteresis [N m], and angle in which it lets go [rad]."""
+        """Largest torque of the hysteresis [N m]; twist in which it turns over to 1 - 1/e [rad]."""
         return 0.0, 1.0
 
     @property
     def error_terms(self) -> tuple[tuple[float, float, float], ...]:
-        """Kinematic error: cycles per turn of the joint, amplitude [rad], phase [rad], of each."""
+        """Terms of the kinematic error: cycles per turn of the joint, amplitude and phase [rad]."""
         return ()
 
     def without_error(self) -> Gearing:
-        """The same without kinematic error."""
+        """The same gear without kinematic error."""
         return self
 
     def with_play(self, play: float) -> Self:
-        """The same with another play [rad or m]; the stages of a train in proportion."""
+        """The same gear with another play [rad or m]; the stages of a train in proportion."""
         changes: dict[str, Any] = {"play": play}
         return replace(self, **changes)  # type: ignore[type-var]
 
     @property
     def losses(self) -> Losses:
-        """Friction on the motor."""
+        """Friction on the motor; none unless a kind of gear has it."""
         return Losses()
 
     @property
     def steepest(self) -> float:
-        """Largest stiffness, bristles included [N m/rad]."""
+        """Largest stiffness of the gear, bristles included [N m/rad]."""
         grip, bend = self.bristles
         return float(self.curve().slopes.max()) + grip / bend
 
     @property
     def unloaded_range(self) -> float:
-        """Angle in which an unloaded joint may stand while its motor does [rad]: play and loop."""
+        """Range in which an unloaded joint may rest [rad]: the play and the hysteresis' width."""
         grip, _ = self.bristles
         return self.play + 2.0 * float(self.curve().depth(np.array(grip)))
 
     def row(self, motor: int = 0, link: int = 0) -> np.ndarray:
-        """What the kernels know of it, shape (1,): of `layout.GEAR_ROW`."""
+        """The gear's record for the kernels, shape (1,), of the type `layout.GEAR_ROW`.
+
+        `motor` and `link`: indices of the motor's and the joint's coordinates.
+        """
         from jointplay.physics.kernel.layout import gear_row  # the compiler takes long to import
 
         terms = np.array(self.error_terms).reshape(-1, 3).T
@@ -186,7 +195,7 @@ class Gearing(Described, ABC):
             **_torsion_fields(self.curve(), self.bristles),
         )
 
-    # What statics and audits ask.
+    # Statics and energy.
 
     def kinematic_error(self, motor: Any) -> tuple[Any, Any, Any]:
         """Kinematic error at the motor's angles [rad], and its first two derivatives by them."""
@@ -203,7 +212,10 @@ class Gearing(Described, ABC):
         return motor + self.kinematic_error(motor)[0] - link
 
     def stored_energy(self, twist: np.ndarray, hysteresis: np.ndarray | float = 0.0) -> np.ndarray:
-        """Energy in teeth, shafts and bristles at twists and torques of hysteresis (n,) [J]."""
+        """Energy [J] in teeth, shafts and bristles at twists (n,) [rad].
+
+        `hysteresis`: torques of the bristles (n,) [N m].
+        """
         energy = self.curve().energy(np.maximum(np.abs(twist) - self.play / 2.0, 0.0))
         grip, bend = self.bristles
         if grip > 0.0:
@@ -211,7 +223,10 @@ class Gearing(Described, ABC):
         return energy
 
     def first_load(self, twist: float) -> tuple[float, float, float]:
-        """Work [J], torque [N m] and stiffness [N m/rad] at a twist never exceeded before [rad]."""
+        """Work [J], torque [N m] and stiffness [N m/rad] on the virgin curve at a twist [rad].
+
+        The virgin curve holds at twists that were never exceeded before.
+        """
         curve, depth = self.curve(), abs(twist) - self.play / 2.0
         energy = torque = slope = 0.0
         if depth > 0.0:
@@ -226,23 +241,24 @@ class Gearing(Described, ABC):
         return energy, math.copysign(torque, twist), slope
 
     def wound_up(self, torque: Any) -> Any:
-        """Twist that a torque takes by the middle of all loops, play included [rad]."""
+        """Twist under a torque on the middle line of all loops, play included [rad]."""
         depth = self.curve().depth(np.abs(torque))
         return np.sign(torque) * (self.play / 2.0 + depth)
 
     def first_twist(self, torque: float) -> float:
-        """Twist that a torque takes which was never exceeded before [rad]."""
+        """Twist under a torque on the virgin curve, play included [rad]; see `first_load`."""
         if self.bristles[0] <= 0.0:
             return float(self.wound_up(torque))
         return float(self.torsion([torque])[0])
 
-    # What catalogues measure.
+    # What catalogues measure: hysteresis loss and lost motion.
 
     def torsion(self, torques: Sequence[float] | np.ndarray) -> np.ndarray:
         """Angles of the joint (n,) [rad] under torques (n,) [N m] in turn, the motor held.
 
-        Loaded slowly from the state never loaded, with the law that runs use. Where several angles
-        bear a torque, as within the play, it goes no farther than to the first.
+        The load goes slowly from one torque to the next, from the virgin state, with the law that
+        runs use. Where several angles bear a torque, as within the play, the joint goes no farther
+        than to the first.
         """
         return self._torsion(self.curve(), self.bristles, torques)
 
@@ -271,7 +287,7 @@ class Gearing(Described, ABC):
         return self.rated_torque
 
     def hysteresis_loss(self) -> float:
-        """Width of the loop to the rated torque both ways at zero torque, play included [rad].
+        """Width at zero torque of the loop between both rated torques, play included [rad].
 
         Raises:
             JointplayError: the gear has no rated torque.
@@ -281,11 +297,11 @@ class Gearing(Described, ABC):
         return float(angles[-3] - angles[-1])
 
     def lost_motion(self, torque_fraction: float | None = None) -> float:
-        """Angle between a fraction of the rated torque one way and the other [rad].
+        """Lost motion: angle between a fraction of the rated torque one way and the other [rad].
 
-        Strain-wave gears: between the ends of a loop to this torque. Others: on the middle line,
-        half way across, of the loop to the rated torque. None takes the fraction of the kind's
-        catalogues, 0.04 for strain-wave gears, else 0.03.
+        For strain-wave gears between the ends of a loop to this torque; for others on the middle
+        line of the loop to the rated torque. None takes the fraction of the kind's catalogues: 0.04
+        for strain-wave gears, else 0.03.
 
         Raises:
             JointplayError: the gear has no rated torque; a fraction not above 0 or above 1.
@@ -305,10 +321,10 @@ class Gearing(Described, ABC):
         down_high, down_low, _, up_low, up_high = angles[-5:]
         return float(0.5 * (down_high + up_high - down_low - up_low))
 
-    # Where its numbers come from.
+    # Provenance.
 
     def origins(self) -> dict[str, str]:
-        """Where those numbers come from that a catalogue gave, by field: origin and source."""
+        """Origin and source of the numbers that a catalogue gave, by field."""
         return {}
 
     @property
@@ -326,10 +342,10 @@ class Gearing(Described, ABC):
 
 @dataclass(frozen=True)
 class Gear(Gearing):
-    """A motor that moves its joint through a gear, or a screw, with backlash.
+    """A gear, or a screw, with backlash between a motor and its joint.
 
-    Within the play no torque passes; beyond, the teeth are a spring and a damper in parallel that
-    never pull. A screw of lead l [m per turn] counts J (2 pi / l)^2 for a rotor's inertia J.
+    Within the play no torque passes; beyond it, the teeth are a spring and a damper in parallel
+    that never pull. A screw of lead l [m per turn] refers a rotor's inertia J as J (2 pi / l)^2.
     Reference: M. Nordin, P.-O. Gutman, Automatica 38 (2002) 1633-1649.
 
     Raises:
@@ -364,39 +380,42 @@ class Gear(Gearing):
     def curve(self) -> Curve:
         if self.stiffness is None:
             raise JointplayError(
-                "the stiffness of this gear is not given, and hangs on its joint: see "
+                "the stiffness of this gear is not given, and follows from its joint: see "
                 "Mechanism.gears, or give it",
                 ("stiffness",),
             )
         return Curve.of([(self.stiffness, math.inf)])
 
 
-def _check_efficiency(efficiency: float, driven: float | None, where: tuple[Any, ...]) -> None:
-    """Refuse efficiencies that give energy, or let nothing through."""
+def _check_efficiency(efficiency: float, driven: float | None) -> None:
+    """Refuse efficiencies that would create energy, or let nothing through."""
     if not 0.0 < efficiency <= 1.0:
         raise JointplayError(
-            f"efficiency must be above 0 and at most 1, got {efficiency:g}", (*where, "efficiency")
+            f"efficiency must be above 0 and at most 1, got {efficiency:g}", ("efficiency",)
         )
     if driven is not None and not 0.0 <= driven <= 1.0:
         text = f"back driving efficiency must be from 0 to 1, got {driven:g}"
-        raise JointplayError(text, (*where, "back_driving_efficiency"))
+        raise JointplayError(text, ("back_driving_efficiency",))
 
 
 def _back_driving(efficiency: float, stated: float | None) -> float:
-    """Efficiency where the joint drives; the same friction both ways, if it is not given."""
+    """Efficiency where the joint drives; if not stated, that of the same friction both ways.
+
+    Friction 1/efficiency - 1 per transmitted torque leaves 1 - (1/efficiency - 1) to the motor.
+    """
     return max(2.0 - 1.0 / efficiency, 0.0) if stated is None else stated
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Lossy(Gearing):
-    """What refined gears have in common."""
+    """A gear with friction on its motor."""
 
     rotor_inertia: Quantity = quantity("kg*m^2", default=None, above=0.0, label="rotor inertia")
     """Inertia of the rotor, referred to the joint [kg m^2]; by a rule if not given."""
     damping: Quantity = quantity("N*m*s/rad", default=0.0, least=0.0, label="gear damping")
     """Damping of the teeth in contact and the shaft [N m s/rad]."""
     rated_torque: OptionalQuantity = quantity("N*m", default=None, above=0.0, label="rated torque")
-    """To which catalogues refer lost motion and hysteresis [N m]."""
+    """Rated torque, to which catalogues refer lost motion and hysteresis [N m]."""
     no_load_torque: Quantity = quantity(
         "N*m", default=0.0, least=0.0, label="no-load running torque"
     )
@@ -407,7 +426,7 @@ class _Lossy(Gearing):
 
 @dataclass(frozen=True, kw_only=True)
 class _Catalogued(_Lossy):
-    """What gears have in common that catalogues describe by lost motion and hysteresis."""
+    """A gear that catalogues describe by stiffness, lost motion and hysteresis."""
 
     catalogue: str | None = None
     """Name of a gear whose catalogue gives the numbers that are not given here."""
@@ -418,7 +437,8 @@ class _Catalogued(_Lossy):
     presliding: OptionalQuantity = quantity(
         "rad", default=None, above=0.0, label="presliding angle"
     )
-    """Angle in which hysteresis turns over by all but 1/e [rad]; a quarter of it if not given."""
+    """Twist in which the hysteresis turns over by all but 1/e [rad]; a quarter of `hysteresis` if
+    not given."""
     stated_lost_motion: OptionalQuantity = quantity(
         "rad", default=None, above=0.0, label="lost motion"
     )
@@ -427,13 +447,13 @@ class _Catalogued(_Lossy):
     efficiency: Quantity = quantity("", default=1.0)
     """Efficiency under load where the motor drives."""
     back_driving_efficiency: OptionalQuantity = quantity("", default=None)
-    """Where the joint drives; the friction of `efficiency` if not given."""
+    """Efficiency where the joint drives; by the friction of `efficiency` if not given."""
 
     needs: ClassVar[tuple[str, ...]]
     """Fields that either the user or the catalogue must give."""
 
     def with_play(self, play: float) -> Self:
-        stated = self.stated_lost_motion  # in which the play counts
+        stated = self.stated_lost_motion  # includes the play
         lost = None if stated is None else stated + play - self.play
         return replace(self, play=play, stated_lost_motion=lost)
 
@@ -450,9 +470,9 @@ class _Catalogued(_Lossy):
             if getattr(self, name) is None:
                 object.__setattr__(self, name, 0.0)
         check_fields(self)
-        _check_efficiency(self.efficiency, self.back_driving_efficiency, ())
+        _check_efficiency(self.efficiency, self.back_driving_efficiency)
         self._check()
-        _ = self._law
+        _ = self._law  # raises if the numbers contradict each other
 
     @abstractmethod
     def _check(self) -> None:
@@ -460,11 +480,11 @@ class _Catalogued(_Lossy):
 
     @abstractmethod
     def _pieces(self) -> list[tuple[float, float]]:
-        """Of the curve as the catalogue has it, as `Curve.of` takes them."""
+        """Pieces of the curve as the catalogue has it, for `Curve.of`."""
 
     @classmethod
     def of(cls, name: str, **more: Any) -> Self:
-        """A gear by name in the catalogue (`names`), with fields that go before its numbers.
+        """A gear by its name in the catalogue (`names`); fields in `more` go before its numbers.
 
         Raises:
             JointplayError: no such gear, the message names the nearest; a number that neither has.
@@ -473,7 +493,7 @@ class _Catalogued(_Lossy):
 
     @classmethod
     def names(cls) -> list[str]:
-        """Names that `of` knows."""
+        """Names of the gears in the catalogue, for `of`."""
         return list(shipped_table(__file__, "gears")[cls.kind])
 
     def origins(self) -> dict[str, str]:
@@ -487,7 +507,11 @@ class _Catalogued(_Lossy):
 
     @cached_property
     def _law(self) -> tuple[Curve, tuple[float, float]]:
-        """Curve and bristles with which hysteresis and lost motion come out as stated."""
+        """Curve and bristles with which hysteresis and lost motion come out as stated.
+
+        A stated lost motion is reached by a softer beginning of the curve, up to the torque at
+        which it is measured; its stiffness is found by bracketing (Brent).
+        """
         if self.stated_lost_motion is None:
             curve = Curve.of(self._pieces())
             return curve, self._bristles_of(curve)
@@ -512,7 +536,7 @@ class _Catalogued(_Lossy):
         return self._beginning(brentq(excess, SOFTEST * most, most, xtol=1e-9 * most))
 
     def lost_motion_range(self) -> tuple[float, float]:
-        """Least and largest lost motion that can be stated of its other numbers [rad].
+        """Least and largest lost motion that the gear's other numbers allow to be stated [rad].
 
         Raises:
             JointplayError: the gear has no rated torque.
@@ -522,13 +546,17 @@ class _Catalogued(_Lossy):
         return self._lost_motion(*stiffest, part), self._lost_motion(*softest, part)
 
     def _beginning(self, slope: float) -> tuple[Curve, tuple[float, float]]:
-        """Curve that begins with a stiffness up to where lost motion is measured, and bristles."""
+        """Curve with this stiffness up to the torque of the lost motion, and its bristles."""
         small = _fraction(self.kind) * self._rated
         beyond = [piece for piece in self._pieces() if piece[1] > small]
         curve = Curve.of([(slope, small), *beyond])
         return curve, self._bristles_of(curve)
 
     def _bristles_of(self, curve: Curve) -> tuple[float, float]:
+        """Bristles with which the loop is as wide at zero torque as `hysteresis`.
+
+        There the curve bears the bristles' torque, at half the width on either side.
+        """
         grip = float(curve.torque(np.array(0.5 * self.hysteresis)))
         if self.rated_torque is not None and grip >= self.rated_torque:
             raise JointplayError(
@@ -570,23 +598,23 @@ class StrainWaveGear(_Catalogued):
     ratio: Quantity = quantity("", default=None, above=0.0, label="gear ratio")
     """Turns of the motor in a turn of the joint."""
     stiffness_1: Quantity = quantity("N*m/rad", default=None, above=0.0, label="stiffness K1")
-    """K1, up to `torque_1` [N m/rad]."""
+    """Stiffness K1, up to `torque_1` [N m/rad]."""
     stiffness_2: OptionalQuantity = quantity(
         "N*m/rad", default=None, above=0.0, label="stiffness K2"
     )
-    """K2, up to `torque_2` [N m/rad]; K1 if not given."""
+    """Stiffness K2, up to `torque_2` [N m/rad]; K1 if not given."""
     stiffness_3: OptionalQuantity = quantity(
         "N*m/rad", default=None, above=0.0, label="stiffness K3"
     )
-    """K3, beyond [N m/rad]; K2 if not given."""
+    """Stiffness K3, beyond `torque_2` [N m/rad]; K2 if not given."""
     torque_1: OptionalQuantity = quantity("N*m", default=None, above=0.0, label="torque T1")
-    """T1 [N m]."""
+    """Torque T1, at which K2 begins [N m]."""
     torque_2: OptionalQuantity = quantity("N*m", default=None, above=0.0, label="torque T2")
-    """T2 [N m]."""
+    """Torque T2, at which K3 begins [N m]."""
     error_amplitude: Quantity = quantity("rad", default=None, least=0.0, label="kinematic error")
     """Amplitude of the kinematic error, an angle of the joint [rad]; 0 if not given."""
     error_phase: Quantity = quantity("rad", default=0.0, label="phase of the kinematic error")
-    """Its phase where the motor is at zero [rad]."""
+    """Phase of the kinematic error where the motor is at zero [rad]."""
 
     def _check(self) -> None:
         for stiffness, torque in (("stiffness_2", "torque_1"), ("stiffness_3", "torque_2")):
@@ -638,11 +666,11 @@ class CycloidalGear(_Catalogued):
     stiffness: Quantity = quantity("N*m/rad", default=None, above=0.0, label="gear stiffness")
     """Torsional stiffness of the catalogue [N m/rad]."""
     error_orders: tuple[float, ...] = quantity("", default=(), label="error order")
-    """Cycles of the kinematic error in a turn of the joint."""
+    """Orders of the kinematic error: cycles of each of its terms in a turn of the joint."""
     error_amplitudes: tuple[float, ...] = quantity("rad", default=(), label="kinematic error")
-    """Their amplitudes, angles of the joint [rad]."""
+    """Amplitude of the kinematic error at each order, an angle of the joint [rad]."""
     error_phases: tuple[float, ...] = quantity("rad", default=(), label="phase of an error")
-    """Their phases where the motor is at zero [rad]; 0 if none is given."""
+    """Phase of the kinematic error at each order, the motor at zero [rad]; 0 if not given."""
 
     def _check(self) -> None:
         orders, amplitudes = self.error_orders, self.error_amplitudes
@@ -679,17 +707,17 @@ class GearStage(Described):
     """
 
     ratio: Quantity = quantity("", above=0.0, label="ratio of a stage")
-    """Turns of its input in a turn of its output."""
+    """Turns of the stage's input in a turn of its output."""
     backlash: Quantity = quantity("rad", default=0.0, least=0.0, label="backlash of a stage")
-    """Free angle of its output shaft while its input stands [rad]."""
+    """Free angle of the stage's output shaft while its input stands [rad]."""
     efficiency: Quantity = quantity("", default=1.0)
-    """Where the motor drives."""
+    """Efficiency where the motor drives."""
     back_driving_efficiency: OptionalQuantity = quantity("", default=None)
-    """Where the joint drives; the friction of `efficiency` if not given."""
+    """Efficiency where the joint drives; by the friction of `efficiency` if not given."""
 
     def __post_init__(self) -> None:
         check_fields(self)
-        _check_efficiency(self.efficiency, self.back_driving_efficiency, ())
+        _check_efficiency(self.efficiency, self.back_driving_efficiency)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -706,7 +734,7 @@ class GearTrain(_Lossy):
     kind: ClassVar[str] = "train"
 
     stages: tuple[GearStage, ...]
-    """From the motor to the joint."""
+    """Stages, from the motor to the joint."""
     stiffness: Quantity = quantity("N*m/rad", above=0.0, label="gear stiffness")
     """Stiffness of all teeth in contact and shafts, referred to the joint [N m/rad]."""
 
@@ -767,7 +795,7 @@ def _torsion_fields(curve: Curve, bristles: tuple[float, float]) -> dict[str, An
 
 
 def _entry(kind: str, name: str) -> dict[str, dict[str, Any]]:
-    """Numbers of a gear in the catalogue by field: value, origin, source."""
+    """Numbers of a gear in the catalogue, by field: each with value, origin and source."""
     entries: dict[str, dict[str, dict[str, Any]]] = shipped_table(__file__, "gears")[kind]
     if name not in entries:
         raise JointplayError(one_of(f"{kind} gear", name, entries), ("catalogue",))
@@ -775,6 +803,6 @@ def _entry(kind: str, name: str) -> dict[str, dict[str, Any]]:
 
 
 def _fraction(kind: str) -> float:
-    """Part of the rated torque at which a kind's catalogues measure lost motion."""
+    """Fraction of the rated torque at which a kind's catalogues measure lost motion."""
     table = shipped_table(__file__, "gears")["lost_motion"]
     return float(table.get(kind, table["cycloidal"])["fraction"])

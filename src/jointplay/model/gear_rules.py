@@ -1,16 +1,19 @@
-"""What stands for the numbers of a gear of which only the play is known.
+"""Rules for the numbers of a gear of which only the play is known.
 
-From the effort T that a joint's drive is made for follow, by rules fitted to some twenty gears and
-servos (docs/data/drives.csv, with what of it is second hand):
+The effort T for which a joint's drive is made gives them, by rules fitted to some twenty gears and
+servos (docs/data/drives.csv, which says what is second hand):
 
 - stiffness 25 T^1.5 N m/rad, at most 300 T: for one size of gear the twist at full torque falls
   with size, from 40 mrad at 1 N m to 3.3 mrad from 144 N m on;
 - the rotor's inertia 20 ms T / (largest speed): in that time T alone brings it to full speed;
 - damping 5 % of critical, of the rotor against its joint on this stiffness.
 
-Of gears listed the stiffness is within a factor of 4, the time of a rotor within 5 (4 to 90 ms).
-What play does to the tool hangs on neither (its RMS by at most 6 % over these ranges, on AR4, UR5,
-SO-101 and Panda); what elasticity does is as uncertain as the stiffness is.
+The gears listed have a stiffness within a factor of 4 of the rule, and a time of the rotor within 5
+(4 to 90 ms). The effect of play on the tool depends on neither (its RMS changes by at most 6 % over
+these ranges, on AR4, UR5, SO-101 and Panda); that of elasticity is as uncertain as the stiffness.
+
+T is the effort in the robot's file where that is plausible beside the robot's weight; else it
+follows from the weight and an assumed payload (`rated_efforts`).
 """
 
 from __future__ import annotations
@@ -26,36 +29,41 @@ from jointplay.model.gear import Gearing
 from jointplay.model.urdf import STANDARD_GRAVITY, Description, JointEntry
 
 STIFFNESS, STIFFEST = 25.0, 300.0
-"""Stiffness by effort^1.5 [1/sqrt(N m)], and at most by effort: fitted to the table."""
+"""Stiffness per effort^1.5 [1/(rad sqrt(N m))], and largest stiffness per effort [1/rad]: fitted to
+the table."""
 SPREAD = 4.0
-"""Factor by which a gear of the table may be softer or stiffer than the rule has it."""
+"""Factor by which a gear of the table may be softer or stiffer than the rule."""
 SLIDE_STIFFNESS = 1e7
-"""Of a screw or belt [N/m]: judged; a steel screw of 20 mm and 1 m alone has 6e7."""
+"""Stiffness of a screw or belt [N/m]: judged; a steel screw of 20 mm and 1 m alone has 6e7."""
 START_S = 0.02
-"""Time in which its own effort brings a rotor alone to full speed [s]: the table's middle."""
+"""Time in which a drive's effort brings its rotor alone to full speed [s]: the table's middle."""
 DAMPING = 0.05
-"""Part of critical damping: judged; what play does changes by less than 4 % from a fifth to four
-times of it."""
+"""Damping relative to critical damping: judged; the effect of play changes by less than 4 % from a
+fifth to four times of it."""
 BRACKETS = {
     "stiffness": (1.0 / SPREAD, SPREAD), "rotor_inertia": (0.2, 4.5), "damping": (0.2, 4.0),
 }  # fmt: skip
-"""Least and greatest part of a rule's number: of gears of the table; of damping as judged above."""
+"""Range of the true number relative to the rule's: over the gears of the table; for damping as
+judged above."""
 SPEED = {"rad": 3.0, "m": 0.5}
 """Largest speed of a joint whose file has none [rad/s, m/s]: judged, as arms of the table have."""
 POSES = 64
-"""Poses over the limits of all joints at which weights are looked at."""
+"""Number of poses, over the limits of all joints, at which weights are found."""
 ENOUGH, LEAST, PLAUSIBLE = 1.5, 0.5, 10.0
-"""Times the largest weight a drive must hold that is made for a joint; from and up to how many
-times as much efforts are taken for those of the drives: judged; UR5, UR10, Panda, xArm7, Z1 and
-SO-101 have 1.1 to 8.0."""
+"""A drive needs `ENOUGH` times the largest weight at its joint. Efforts of a file that are between
+`LEAST` and `PLAUSIBLE` times that need are taken as they are: judged; UR5, UR10, Panda, xArm7, Z1
+and SO-101 have 1.1 to 8.0 times."""
 PLACEHOLDER = 3.0
-"""As many times as much have drives whose efforts are placeholders (PAROL6: 300 N m each)."""
+"""Times the need to which larger efforts, which are placeholders, are scaled (PAROL6: 300 N m
+each)."""
 PAYLOAD = 0.1
-"""Part of what moves that a robot carries for which no efforts are known: judged."""
+"""Payload relative to the robot's mass, where no efforts are known: judged."""
 UNSTATED = 4.5
-"""Times the largest weight that the drive of such a robot is made for: 3 times `ENOUGH`."""
+"""Effort relative to the largest weight, payload included, where no efforts are known: 3 times
+`ENOUGH`."""
 SHORTEST_ARM = 0.1
-"""Part of the reach at which a drive holds the payload at least: wrists turn what they carry."""
+"""Least arm, relative to the reach, at which a drive holds the payload: wrists turn what they
+carry."""
 SMALLEST = 1.0
 """Least effort of a drive that turns a joint whose file has no efforts [N m]: that of hobby servos;
 weights say nothing of joints about the vertical."""
@@ -63,9 +71,10 @@ SMALLEST_KNOWN = 12.0
 """Least effort of the drives to which the stiffness was fitted [N m]: hobby servos are several
 times softer."""
 ROUNDING = 1e-9
-"""Part of the largest weight that is rounding: that of joints about the vertical."""
+"""Weight at a joint, relative to the largest, up to which it is rounding: joints about the
+vertical."""
 _WIDEST = np.pi
-"""How far a joint without limits, or beyond it, is turned to look at weights [rad]."""
+"""Farthest position of a joint, limits or none, in the poses at which weights are found [rad]."""
 
 
 @dataclass(frozen=True)
@@ -73,25 +82,25 @@ class Rule:
     """A number that a rule gave."""
 
     value: float
-    """[SI]."""
+    """The number, in SI units."""
     name: str
-    """Of the rule."""
+    """Name of the rule, such as ``gear stiffness``."""
     reason: str
-    """By what it was found, in words."""
+    """What the number follows from, in words."""
     guess: bool = False
-    """Whether no gear like it is known."""
+    """Whether the rule was fitted to no gear like this one."""
 
 
 @dataclass(frozen=True)
 class Efforts:
-    """What the drives of a robot are made for, by joint."""
+    """Efforts for which the drives of a robot are made, by joint."""
 
     by_joint: Mapping[str, float]
-    """[N m or N]."""
+    """Efforts [N m or N]."""
     reason: str
-    """How it was found."""
+    """How they were found, in words."""
     stated: bool
-    """Whether the robot's file has efforts from which these follow."""
+    """Whether they follow from efforts in the robot's file."""
 
     def stiffness_is_known(self, joint: str) -> bool:
         """Whether the stiffness of a joint's gear is one of those to which the rule was fitted."""
@@ -99,15 +108,15 @@ class Efforts:
 
 
 def rated_efforts(description: Description, source: pin.Model, tool: str) -> Efforts:
-    """Efforts that the drives of a robot are made for.
+    """Efforts for which the drives of a robot are made, from its file or its weight.
 
-    Efforts in its file are judged for the robot as a whole, by the joint that its weight loads
-    most: those of a single joint may be far above its weight and right.
+    Efforts in its file are judged for the robot as a whole, by the joint whose effort is least
+    beside its weight: those of a single joint may be far above its weight and right.
 
     Args:
         description: the robot.
         source: Pinocchio's reading of it (`design.parse`).
-        tool: frame that holds what it carries.
+        tool: frame that holds the payload.
     """
     entries = description.joints
     joints = {
@@ -121,6 +130,7 @@ def rated_efforts(description: Description, source: pin.Model, tool: str) -> Eff
     weight = np.abs([_gravity(source, q) for q in poses])[:, at].max(axis=0, initial=0.0)
     stated = np.array([entries[name].effort or 0.0 for name in rows])
     pressed = weight > ROUNDING * weight.max(initial=0.0)
+    # The file's efforts, if it has them for all joints and they suit the weight.
     if stated.all() and len(stated):
         ratio = min(stated[pressed] / (ENOUGH * weight[pressed]), default=1.0)
         if ratio > PLAUSIBLE:
@@ -130,6 +140,7 @@ def rated_efforts(description: Description, source: pin.Model, tool: str) -> Eff
         if ratio >= LEAST:
             by_joint = dict(zip(rows, stated.tolist(), strict=True))
             return Efforts(by_joint, "its file's efforts", True)
+    # Else the weight with a payload at the tool, and at least the payload on a short arm.
     carried = PAYLOAD * pin.computeTotalMass(source)
     loaded = source.copy()
     frame = loaded.frames[loaded.getFrameId(tool)] if loaded.existFrame(tool) else None
@@ -142,7 +153,8 @@ def rated_efforts(description: Description, source: pin.Model, tool: str) -> Eff
     held = UNSTATED * carried * -STANDARD_GRAVITY[2]
     least = np.where(turning, np.maximum(held * SHORTEST_ARM * reach, SMALLEST), held)
     efforts = dict(zip(rows, np.maximum(UNSTATED * heavier, least).tolist(), strict=True))
-    for name, index in reversed(joints.items()):  # those farther out come later
+    # No joint is weaker than one of its kind farther out, which it carries; those come later.
+    for name, index in reversed(joints.items()):
         for above in source.supports[index].tolist()[1:-1]:
             inner = source.names[above]
             if inner in efforts and entries[inner].slides == entries[name].slides:
@@ -154,7 +166,7 @@ def rated_efforts(description: Description, source: pin.Model, tool: str) -> Eff
 def completed(
     gears: Mapping[str, Gearing], description: Description, source: pin.Model, tool: str
 ) -> tuple[dict[str, Gearing], dict[tuple[str, str], Rule]]:
-    """Gears with what nobody gave of them by the rules; and what that is, by joint and field."""
+    """Gears completed by the rules; and the rules that gave a number, by joint and field."""
     complete: dict[str, Gearing] = {}
     rules: dict[tuple[str, str], Rule] = {}
     efforts: Efforts | None = None
@@ -171,7 +183,7 @@ def completed(
 
 
 def with_rotors(gears: Mapping[str, Gearing], armature: Mapping[str, float]) -> dict[str, Gearing]:
-    """Gears with the rotors that the robot's file has, as its joints' armature, if not given."""
+    """Gears with the rotor inertia, if not given, that the robot's file has as armature."""
     complete = dict(gears)
     for name, gear in gears.items():
         if isinstance(gear, Gearing) and "rotor_inertia" in gear.missing and name in armature:
@@ -180,7 +192,7 @@ def with_rotors(gears: Mapping[str, Gearing], armature: Mapping[str, float]) -> 
 
 
 def stiffness_rule(name: str, entry: JointEntry, efforts: Efforts) -> Rule:
-    """Stiffness of a joint's gear by what its drive is made for."""
+    """Stiffness of a joint's gear, by the effort of its drive."""
     effort, reason = _effort(name, entry, efforts)
     guess = not (entry.slides or efforts.stiffness_is_known(name))
     value = min(STIFFNESS * effort**1.5, STIFFEST * effort)
@@ -190,8 +202,8 @@ def stiffness_rule(name: str, entry: JointEntry, efforts: Efforts) -> Rule:
 
 
 def _effort(name: str, entry: JointEntry, efforts: Efforts) -> tuple[float, str]:
-    """What the drive of a joint is made for [N m or N], and why."""
-    effort = max(efforts.by_joint.get(name, 0.0), 1e-3)  # what bears nothing still has a motor
+    """Effort for which the drive of a joint is made [N m or N], and the reason in words."""
+    effort = max(efforts.by_joint.get(name, 0.0), 1e-3)  # a joint that bears nothing has a motor
     unit = "N" if entry.slides else "N m"
     return effort, f"by the {effort:.3g} {unit} that its drive is made for ({efforts.reason})"
 
@@ -199,6 +211,7 @@ def _effort(name: str, entry: JointEntry, efforts: Efforts) -> tuple[float, str]
 def _numbers(
     name: str, gear: Gearing, description: Description, efforts: Efforts
 ) -> dict[str, Rule]:
+    """Numbers of a joint's gear by the rules, by field."""
     entry = description.joints[name]
     effort, reason = _effort(name, entry, efforts)
     fastest = entry.speed or SPEED[entry.unit]
@@ -218,14 +231,14 @@ def _numbers(
 
 
 def _rounded(value: float) -> float:
-    """A number as exact as a rule is."""
+    """A number with three digits, as exact as a rule is."""
     return float(f"{value:.3g}")
 
 
 def _poses(
     description: Description, source: pin.Model, rows: Mapping[str, int]
 ) -> list[np.ndarray]:
-    """Configurations spread over the limits of all joints, the same for the same robot."""
+    """Configurations at random over the limits of all joints, the same for the same robot."""
     poses = []
     for part in np.random.default_rng(0).random((POSES, len(rows))):
         displacement = np.zeros(source.nv)

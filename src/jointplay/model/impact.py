@@ -1,4 +1,9 @@
-"""What a single impact will look like, before anything is simulated: depth, duration, steps."""
+"""Estimates of a single impact before a run: its depth, its duration, the time step that fits it.
+
+A mass that meets a contact at some speed spends its kinetic energy in the normal force law at zero
+rate: that gives the depth, and about three times depth over speed the duration. Damping is left
+out.
+"""
 
 from __future__ import annotations
 
@@ -21,14 +26,14 @@ REFERENCE_SPEED = 0.1
 """Approach speed for which the resolution of impacts is judged before a run [m/s]."""
 
 REFERENCE_DEPTH = 1e-5
-"""Depth at which a law must give a finite force, before a run [m]."""
+"""Depth at which a law is tried before a run: it must give a finite force [m]."""
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(12)  # exact to degree 23
 
 
 @compiled
 def _stored(law, parameters, depth, nodes, weights) -> float:
-    """Energy at one depth."""
+    """Elastic energy of the contact at one depth [J], by Gauss-Legendre quadrature."""
     energy, half = 0.0, 0.5 * depth
     if half > 0.0:
         for k in range(nodes.size):
@@ -46,7 +51,7 @@ def _elastic_energy(law, parameters, depth, nodes, weights, energy):
 
 @compiled
 def _depth_of(law, parameters, energy, nodes, weights) -> float:
-    """Depth at which so much is stored; inf if none is."""
+    """Depth at which the contact stores an energy, by bisection [m]; inf if none does."""
     low, high = 0.0, 1e-9
     while _stored(law, parameters, high, nodes, weights) < energy:
         low, high = high, 2.0 * high
@@ -62,7 +67,10 @@ def _depth_of(law, parameters, energy, nodes, weights) -> float:
 
 
 def elastic_energy(law: NormalForceLaw, parameters: tuple[float, ...], depth: Any) -> np.ndarray:
-    """Energy in a contact [J]: the law at zero rate over the depth [m], any shape; 0 if none."""
+    """Elastic energy of a contact [J] at depths [m] of any shape; 0 without contact.
+
+    The integral of the law's force at zero rate over the depth.
+    """
     depth = np.asarray(depth, float)
     flat = np.ascontiguousarray(depth).reshape(-1)
     energy = np.empty_like(flat)
@@ -77,7 +85,7 @@ def _row(parameters: tuple[float, ...]) -> np.ndarray:
 def impact_depth(
     law: NormalForceLaw, parameters: tuple[float, ...], mass: float, speed: float
 ) -> float:
-    """Depth [m] at which a mass [kg] that arrives at `speed` [m/s] has spent its energy, undamped.
+    """Depth [m] at which a mass [kg] that arrives at `speed` [m/s] stops, without damping.
 
     Raises:
         JointplayError: the law returns something that is not finite.
@@ -94,16 +102,20 @@ def impact_depth(
 def impact_duration(
     law: NormalForceLaw, parameters: tuple[float, ...], mass: float, speed: float
 ) -> float:
-    """Duration [s], about 3 depth/speed: 2.94 for Hertz (Goldsmith, Impact, 1960), pi if linear."""
+    """Duration of an impact [s], by 3 depth/speed.
+
+    The factor is 2.94 for Hertz's law (Goldsmith, Impact, 1960) and pi for a linear one.
+    """
     depth = impact_depth(law, parameters, mass, require_positive("speed", speed, "m/s"))
     return 3.0 * depth / speed
 
 
 def effective_mass(mechanism: Mechanism, joint: str, q: np.ndarray) -> float:
-    """Smallest mass that a contact of the joint meets, in configuration q [kg].
+    """Smallest effective mass of the joint's contacts in configuration q [kg].
 
-    1 / (J M^-1 J^T), J being the motion of journal against bearing along a contact's normal, for
-    all of `Clearance.directions`. Loops without clearance are left open, which makes it smaller.
+    It is 1 / (J M^-1 J^T), where J is the motion of journal against bearing along a contact's
+    normal, over all `Clearance.directions`. Loops without clearance are left open, which makes it
+    smaller.
     """
     inverse = mechanism.inverse_mass_matrix(q)
     jacobian = mechanism.relative_jacobian(joint, q)
@@ -117,8 +129,8 @@ def effective_mass(mechanism: Mechanism, joint: str, q: np.ndarray) -> float:
 def tooth_duration(mechanism: Mechanism, joint: str, q: np.ndarray) -> float:
     """Duration of an impact of the teeth in a joint's gear, in configuration q [s].
 
-    pi sqrt(J / k): the motor's inertia and the smallest that the joint can have, in series, on the
-    gear's spring where it is steepest. Loops without clearance are left open.
+    Half a period, pi sqrt(J / k), of the motor's inertia and the joint's smallest, in series, on
+    the gear's spring where it is steepest. Loops without clearance are left open.
     """
     gear = mechanism.gears[joint]
     at = mechanism.coordinate(joint)
@@ -139,11 +151,11 @@ def friction_slope(law: FrictionLaw) -> float:
 def friction_step_limit(
     mechanism: Mechanism, joint: str, q: np.ndarray, normal_force: float
 ) -> float:
-    """Largest step that follows friction under a lasting normal force [N]: 2 m / (mu' F_n) [s].
+    """Largest step at which friction under a lasting normal force [N] is stable [s].
 
     Where the coefficient rises with speed, friction is a damper of mu' F_n, which an explicit
-    method follows only below this step (docs/integrators.md). Bristles are a damper too, and a
-    spring: 2 sqrt(m/k). Infinite without friction.
+    method follows only below 2 m / (mu' F_n) (docs/integrators.md). Bristles are a spring besides,
+    and allow 2 sqrt(m/k). Infinite without friction.
     """
     law = mechanism.clearance[joint].friction
     spring = 0.0
@@ -159,7 +171,7 @@ def friction_step_limit(
 
 
 def contact_duration(mechanism: Mechanism, joint: str, q: np.ndarray) -> float:
-    """Duration of the shortest impact to expect at `REFERENCE_SPEED` [s]."""
+    """Duration of the joint's shortest impact at `REFERENCE_SPEED` [s], over its contacts."""
     clearance = mechanism.clearance[joint]
     mass = effective_mass(mechanism, joint, q)
     law = clearance.normal

@@ -1,4 +1,8 @@
-"""Inertias of a URDF's links: those that no rigid body has, and which of them matter."""
+"""Inertias of a URDF's links: those that no rigid body has, and which of them matter.
+
+A rigid body's principal moments are positive, and none exceeds the sum of the other two. Links that
+are fixed to each other move as one body, so that only the sum of their inertias matters.
+"""
 
 from __future__ import annotations
 
@@ -16,21 +20,21 @@ if TYPE_CHECKING:
     import pinocchio as pin
 
 ALL = "all"
-"""Stands for the names of all links whose inertia no rigid body has."""
+"""Word for the names of all links whose inertia no rigid body has."""
 LARGEST = 1e6
 """Largest length [m] or angle [rad]: a float there still tells 0.1 nm and 0.1 nrad apart."""
 TOLERANCE = 1e-6
-"""Violation of the triangle inequality that passes for rounding, relative to the largest moment."""
+"""Violation of the triangle inequality up to which it is rounding, relative to the sum."""
 
 
 def impossible_inertias(
     root: ElementTree.Element, free_base: bool = False, loose: Collection[str] = ()
 ) -> dict[str, str]:
-    """What is wrong with inertias on which motion depends and that no rigid body has, by link.
+    """Faults of inertias that no rigid body has and on which the motion depends, by link.
 
-    Links fixed to each other move as one body: where that has a possible inertia, the shares of
-    single links do not matter. Nor does the inertia of the base, unless it is free. Fixed joints
-    that are `loose` have clearance.
+    Where links fixed to each other have a possible inertia together, those of the single links do
+    not matter. Nor does the inertia of the base, unless it is free. Fixed joints that are `loose`
+    have clearance: their links are two bodies.
 
     Raises:
         JointplayError: numbers of an inertia are missing or none; a mass is negative.
@@ -54,7 +58,7 @@ def impossible_inertias(
 
 
 def require_possible(faults: Mapping[str, str], allowed: Collection[str]) -> None:
-    """Refuse inertias of links that are not allowed by name, or all by ``"all"``."""
+    """Refuse faults of links that are not allowed by name, or all by ``"all"``."""
     wrong = [] if ALL in allowed else [name for name in faults if name not in allowed]
     if wrong:
         flag = f"--allow-unphysical {ALL}"
@@ -63,7 +67,7 @@ def require_possible(faults: Mapping[str, str], allowed: Collection[str]) -> Non
 
 
 def harmless_inertias(root: ElementTree.Element) -> str:
-    """In words, inertias that no rigid body has and on which no motion depends; empty if none."""
+    """A line on inertias that no rigid body has and on which no motion depends; empty if none."""
     matter = impossible_inertias(root)
     names = [name for name in inertia_faults(root) if name not in matter]
     if not names:
@@ -75,7 +79,7 @@ def harmless_inertias(root: ElementTree.Element) -> str:
 
 
 def inertia_faults(root: ElementTree.Element) -> dict[str, str]:
-    """Why no rigid body has a link's inertia, of each such link; see `impossible_inertias`."""
+    """Faults of the links' inertias, each link by itself; see `impossible_inertias`."""
     return _faults(_inertias(root))
 
 
@@ -85,7 +89,10 @@ def _faults(inertias: Mapping[str, tuple[float, np.ndarray]]) -> dict[str, str]:
 
 
 def tensor_of(inertial: ElementTree.Element, owner: str) -> np.ndarray:
-    """Inertia about the centre of mass, in the axes of the inertial, (3, 3) [kg m2]."""
+    """Inertia tensor about the centre of mass, in the axes of an <inertial>, (3, 3) [kg m2].
+
+    `owner`: the link, as messages name it.
+    """
     element = inertial.find("inertia")
     xx, yy, zz, xy, xz, yz = (
         numbers(element, f"i{axes}", f"{owner}: inertia i{axes}", 1)[0]
@@ -95,7 +102,7 @@ def tensor_of(inertial: ElementTree.Element, owner: str) -> np.ndarray:
 
 
 def _inertias(root: ElementTree.Element) -> dict[str, tuple[float, np.ndarray]]:
-    """Mass [kg] and inertia about its centre, axes of the inertial [kg m2], of each link."""
+    """Mass [kg] and inertia tensor about its centre, axes of the <inertial> [kg m2], by link."""
     inertias = {}
     for link in root.findall("link"):
         inertial = link.find("inertial")
@@ -121,7 +128,7 @@ def _inertias(root: ElementTree.Element) -> dict[str, tuple[float, np.ndarray]]:
 
 
 def _fault(name: str, mass: float, tensor: np.ndarray) -> str:
-    """Why no rigid body has this inertia; empty if one has."""
+    """Message why no rigid body has the inertia of the link `name`; empty if one has."""
     owner = f"link {name!r}"
     if mass == 0.0 and not tensor.any():
         return ""  # a frame without mass
@@ -142,7 +149,11 @@ def _fault(name: str, mass: float, tensor: np.ndarray) -> str:
 
 
 def _bodies(root: ElementTree.Element, loose: Collection[str]) -> dict[str, dict[str, pin.SE3]]:
-    """Links that fixed joints hold together, each with its place in the first; the base first."""
+    """Bodies of links that fixed joints hold together, by their first link; the base's first.
+
+    Each body has its links with their poses in the first link. Fixed joints that are `loose` do
+    not hold.
+    """
     import pinocchio as pin
 
     from jointplay.model.elements import place_of
@@ -179,9 +190,10 @@ def _united(
     places: dict[str, pin.SE3],
     inertias: Mapping[str, tuple[float, np.ndarray]],
 ) -> tuple[float, np.ndarray]:
-    """Mass [kg] and inertia about its centre [kg m2] of links, whose own are `inertias`, at places.
+    """Mass [kg] and inertia tensor about its centre [kg m2] of a body of links at `places`.
 
-    By hand, by parallel axes (Steiner), as Pinocchio refuses parts that no body has.
+    `inertias` are those of the single links. By hand, by parallel axes (Steiner), as Pinocchio
+    refuses parts that no body has.
     """
     from jointplay.model.elements import place_of
 

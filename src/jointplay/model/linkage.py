@@ -1,4 +1,4 @@
-"""A linkage as one draws it: points, the links that share them, sliders.
+"""Linkages as one draws them: points, the links that share them, sliders.
 
 linkage = jp.Linkage(
     points={"O": (0, 0), "A": ("50 mm", 0), "B": ("170 mm", 0)},
@@ -12,7 +12,7 @@ linkage = jp.Linkage(
 )
 mechanism = jp.Mechanism(linkage, {"B": jp.RevoluteClearance.planar(radial_clearance=1e-4)})
 
-`linkage_tree` makes a URDF and loops of it.
+`linkage_tree` makes a URDF and loops of a linkage.
 """
 
 from __future__ import annotations
@@ -31,17 +31,16 @@ from jointplay.physics.joints.base import Material
 from jointplay.physics.joints.materials import material
 
 PIN, SLIDE, BALL = "continuous", "prismatic", "floating"
-"""Joints of a linkage, as a URDF calls them."""
+"""Kinds of joint of a linkage, by the words of a URDF."""
 GROUND = "ground"
-
+"""Name of the link that stands still."""
 DRAWN = "linkage"
-"""What stands for the file of a URDF that is made of a linkage: there is none."""
-"""The link that stands still."""
+"""Path of the URDF that is made of a linkage, for which there is no file."""
 PLANES = {"vertical": np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]]), "horizontal": np.eye(3)}
 """Axes of a drawing in the world: x to the right, and y up or, seen from above, away."""
 
 _APART_M = 1e-9
-"""Points that are nearer are one (judged: a thousandth of the smallest clearance)."""
+"""Distance below which two points are one (judged: a thousandth of the smallest clearance)."""
 
 
 @dataclass(frozen=True)
@@ -58,18 +57,18 @@ class LinkageLink(Described):
     """
 
     points: tuple[str, ...]
-    """Names of the points that it joins."""
+    """Names of the points that the link joins."""
     mass: OptionalQuantity = quantity("kg", default=None, above=0.0)
-    """If not given, that of the section."""
+    """Mass; if not given, that of the section."""
     centre: tuple[float, ...] | None = quantity("m", default=None)
-    """Of mass, in the drawing; if not given, that of the lines."""
+    """Centre of mass in the drawing; if not given, that of the lines."""
     inertia: OptionalQuantity = quantity("kg*m^2", default=None, above=0.0)
-    """About the centre of mass and the normal of the plane, or of a spatial linkage the largest
-    principal moment; if not given, that of the lines."""
+    """Moment of inertia about the centre of mass and the normal of the plane, or the largest
+    principal moment in a spatial linkage; if not given, that of the lines."""
     section: str | None = None
-    """``"tube 20x2 mm"``, ``"rod 8 mm"``, ``"box 30x20x2 mm"`` or ``"bar 20x5 mm"``."""
+    """Section: ``"tube 20x2 mm"``, ``"rod 8 mm"``, ``"box 30x20x2 mm"`` or ``"bar 20x5 mm"``."""
     material: Material = field(default_factory=lambda: material("carbon-steel"))
-    """Of the section, with a density."""
+    """Material of the section, with a density."""
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -90,12 +89,12 @@ class LinkageLink(Described):
 
 @dataclass(frozen=True)
 class LinkageSlider(Described):
-    """A link slides along a line, on the ground or on another link, and does not turn on it."""
+    """A joint in which a link slides straight, without turning, on the ground or another link."""
 
     link: str
     """The link that slides."""
     along: tuple[float, ...] = quantity("")
-    """Direction in the drawing."""
+    """Direction of sliding in the drawing."""
     on: str = GROUND
     """The link on which it slides."""
 
@@ -107,7 +106,7 @@ class LinkageSlider(Described):
 
 
 class Edge(NamedTuple):
-    """A joint between two links."""
+    """A joint between two links of a linkage."""
 
     name: str
     kind: str
@@ -116,7 +115,7 @@ class Edge(NamedTuple):
     journal: str
     point: str
     axis: np.ndarray
-    """Of turning or sliding, in the drawing."""
+    """Direction of turning or sliding, in the drawing."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -133,7 +132,7 @@ class Linkage(Described):
     """
 
     points: dict[str, list[float]] = quantity("m")
-    """Where they are: two coordinates each, or three of a spatial linkage."""
+    """Places of the points by name: two coordinates each, or three in a spatial linkage."""
     ground: tuple[str, ...]
     """Points that stand still."""
     links: dict[str, LinkageLink]
@@ -141,15 +140,15 @@ class Linkage(Described):
     sliders: dict[str, LinkageSlider] = field(default_factory=dict)
     """Joints that slide, by name."""
     axes: dict[str, list[float]] = quantity("", default_factory=dict)
-    """Of a spatial linkage: directions of pins, by point; z if not given."""
+    """Directions of the pins of a spatial linkage, by point; z if not given."""
     balls: tuple[str, ...] = ()
-    """Of a spatial linkage: points with a ball instead of a pin."""
+    """Points of a spatial linkage with a ball instead of a pin."""
     output: str = ""
-    """Link or point whose error is reported; if not given, the last of the links that turn or slide
-    on the ground, where there are several, else the last point that one link has for itself."""
+    """Link or point whose error is reported. If not given: the last of the links that turn or slide
+    on the ground, where there are several; else the last point that belongs to one link alone."""
     plane: str = choice("plane", list(PLANES), default="vertical")
-    """How the drawing of a planar linkage lies: ``vertical`` (y up, against gravity) or
-    ``horizontal``; a spatial one has its z up."""
+    """Plane of a planar linkage's drawing: ``vertical`` (y up, against gravity) or ``horizontal``;
+    a spatial linkage has its z up."""
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -222,7 +221,7 @@ class Linkage(Described):
         return any(len(place) == 3 for place in self.points.values())
 
     def vector(self, components: Sequence[float], *where: str) -> np.ndarray:
-        """Three components of a drawing's two or three."""
+        """A vector of the drawing with three components, from two (planar) or three (spatial)."""
         count = 3 if self.spatial else 2
         if len(components) != count:
             raise JointplayError(f"give {count} components, got {list(components)}", where)
@@ -233,7 +232,7 @@ class Linkage(Described):
 
     @property
     def carried(self) -> dict[str, str]:
-        """Points that move, which are frames of its tree, with the first link that has each."""
+        """Points that move, which become frames of the tree, and the first link with each."""
         frames = {}
         for point in self.points:
             links = [name for name, link in self.links.items() if point in link.points]
@@ -243,7 +242,7 @@ class Linkage(Described):
 
     @property
     def traced(self) -> list[str]:
-        """Points of a link of several that it shares with none: a coupler's."""
+        """Points that one link of several points has for itself, such as a coupler point."""
         shared = [point for link in self.links.values() for point in link.points]
         return [
             point
@@ -258,7 +257,7 @@ class Linkage(Described):
 
     @property
     def tool(self) -> str:
-        """Frame of the output."""
+        """Name of the frame whose motion is reported; see `output`."""
         if self.output:
             return self.output
         moved = (edge for edge in self.edges if edge.bearing == GROUND)
@@ -301,6 +300,6 @@ class Linkage(Described):
         return float(np.ptp(places, axis=0).max()) or 1.0
 
     def lines(self, link: LinkageLink) -> list[tuple[np.ndarray, np.ndarray]]:
-        """From point to point, closed if there are three or more."""
+        """Lines of a link from point to point, closed if it has three or more."""
         places = [self.place(point) for point in link.points]
         return list(pairwise(places + places[:1] * (len(places) > 2)))

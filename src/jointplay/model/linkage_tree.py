@@ -1,7 +1,7 @@
 """From a linkage to the tree of a URDF, and the loops that the tree leaves open.
 
 Joints are the edges of a graph whose nodes are the links and the ground. A spanning tree of it
-(Kruskal) becomes the URDF, what is left closes loops. Sliders come first into the tree, for an
+(Kruskal) becomes the URDF; the edges left over close loops. Sliders enter the tree first, for an
 ideal one cannot close a loop, then joints on the ground, among which are the drives; joints with
 play come last, so that their loops are cut where only contact acts.
 """
@@ -41,24 +41,25 @@ from jointplay.model.loop import Loop, Vector
 from jointplay.physics.joints import IDEAL_BALL, Clearance
 
 _DIGITS = 15
-"""Decimals of differences of places [m], so that 0.17 - 0.05 is 0.12."""
+"""Decimals to which differences of places are rounded [m], so that 0.17 - 0.05 is 0.12."""
 _REACH = 10.0
-"""Limits of sliders, of the drawing's size: farther than a linkage of this size goes."""
+"""Limits of sliders relative to the drawing's size: farther than a linkage of this size goes."""
 _LINE, _PIVOT = 0.02, 0.04
-"""Radius of a link's lines, and of pivots on the ground, in pictures; of the drawing's size."""
+"""Radius in pictures of a link's lines, and of pivots on the ground, relative to the drawing's
+size."""
 
 
-class Tree(NamedTuple):
-    """What a linkage is made of."""
+class LinkageTree(NamedTuple):
+    """A linkage as a URDF and its loops."""
 
     description: urdf.Description
     loops: dict[str, Loop]
     balls: dict[str, Clearance]
-    """Ideal ones, by joint."""
+    """Ideal balls, by joint."""
 
 
-def tree_of(linkage: Linkage, play: Collection[str] = ()) -> Tree:
-    """The URDF and the loops of the linkage.
+def tree_of(linkage: Linkage, play: Collection[str] = ()) -> LinkageTree:
+    """Make a URDF and loops of a linkage.
 
     Args:
         play: names of joints with clearance, at which loops are cut if possible.
@@ -72,6 +73,7 @@ def tree_of(linkage: Linkage, play: Collection[str] = ()) -> Tree:
         on_ground = edge.bearing == GROUND and edge.kind == PIN
         return rank[edge.kind] - on_ground + 4 * (edge.name in play and edge.kind != SLIDE)
 
+    # Kruskal: an edge between two parts unites them; one within a part closes a loop.
     part = {name: name for name in (GROUND, *linkage.links)}
     held, loops = [], {}
     for edge in sorted(linkage.edges, key=order):
@@ -93,6 +95,7 @@ def tree_of(linkage: Linkage, play: Collection[str] = ()) -> Tree:
         raise JointplayError(
             f"slider {slides.name!r} closes a loop of sliders alone", ("sliders", slides.name)
         )
+    # The origin of each link is the point of the joint that holds it.
     origins = {GROUND: np.zeros(3)}
     root = _root(PLANES["horizontal" if linkage.spatial else linkage.plane])
     for edge in _from_ground(held):
@@ -102,7 +105,7 @@ def tree_of(linkage: Linkage, play: Collection[str] = ()) -> Tree:
         joint.append(origin_of(pin.SE3(np.eye(3), place.round(_DIGITS))))
         put(joint, "parent", link=edge.bearing)
         put(joint, "child", link=edge.journal)
-        if edge.kind == SLIDE:  # of a URDF it must have limits
+        if edge.kind == SLIDE:  # for which a URDF demands limits
             reach = _REACH * linkage.size
             put(joint, "limit", lower=-reach, upper=reach, effort=0.0, velocity=0.0)
         put(joint, "axis", xyz=edge.axis / np.linalg.norm(edge.axis))
@@ -111,7 +114,7 @@ def tree_of(linkage: Linkage, play: Collection[str] = ()) -> Tree:
     _put_points(linkage, root, origins)
     path = Path(DRAWN)
     balls = [edge.name for edge in linkage.edges if edge.kind == BALL]
-    return Tree(
+    return LinkageTree(
         urdf.parse(document(root), path),
         {name: _loop(linkage, edge, origins) for name, edge in loops.items()},
         {name: IDEAL_BALL for name in balls if name not in play},
@@ -119,6 +122,7 @@ def tree_of(linkage: Linkage, play: Collection[str] = ()) -> Tree:
 
 
 def _loop(linkage: Linkage, edge: Edge, origins: Mapping[str, np.ndarray]) -> Loop:
+    """The loop that an edge closes; `origins` of the links in the drawing."""
     place = linkage.place(edge.point)
     turned = np.eye(3)
     if edge.kind == PIN:  # z along the axis
@@ -133,6 +137,7 @@ def _loop(linkage: Linkage, edge: Edge, origins: Mapping[str, np.ndarray]) -> Lo
 def _put_link(
     linkage: Linkage, root: Element, name: str, link: LinkageLink, origin: np.ndarray
 ) -> None:
+    """Append a link with its inertia, and a picture of its lines."""
     element = put(root, "link", name=name)
     body = inertia_of(linkage, name)
     put_inertial(element, pin.Inertia(body.mass, body.lever - origin, body.inertia))
@@ -145,7 +150,7 @@ def _put_link(
 
 
 def _put_points(linkage: Linkage, root: Element, origins: Mapping[str, np.ndarray]) -> None:
-    """Pivots on the ground in its picture; points of one link alone as frames to look at."""
+    """Append pictures of the pivots on the ground, and frames for points that move."""
     ground = next(link for link in root.findall("link") if link.get("name") == GROUND)
     for point in linkage.ground:
         picture = put(ground, "visual")
@@ -158,7 +163,7 @@ def _put_points(linkage: Linkage, root: Element, origins: Mapping[str, np.ndarra
 
 
 def inertia_of(linkage: Linkage, link: str) -> pin.Inertia:
-    """A link's mass, centre and moments, in the drawing's axes; see `LinkageLink`."""
+    """Inertia of a link in the drawing's axes, as `LinkageLink` describes it."""
     given = linkage.links[link]
     density = given.material.density
     assert density is not None
@@ -197,7 +202,7 @@ def _root(axes: np.ndarray) -> Element:
 
 
 def _from_ground(joints: Sequence[Edge]) -> Iterator[Edge]:
-    """The joints of a tree, each from the side of the ground, the nearest to it first."""
+    """The joints of a tree, parents first, each with its bearing on the side of the ground."""
     reached, open_joints = {GROUND}, list(joints)
     while open_joints:
         edge = next(joint for joint in open_joints if reached & {joint.bearing, joint.journal})
@@ -210,7 +215,7 @@ def _from_ground(joints: Sequence[Edge]) -> Iterator[Edge]:
 
 
 def _rod(mass: float, start: np.ndarray, end: np.ndarray, area: float) -> pin.Inertia:
-    """A uniform round rod with this cross-section [m^2]."""
+    """Inertia of a uniform round rod with a cross-section of `area` [m^2]."""
     line = end - start
     length = float(np.linalg.norm(line))
     along = np.outer(line, line) / length**2
@@ -221,6 +226,7 @@ def _rod(mass: float, start: np.ndarray, end: np.ndarray, area: float) -> pin.In
 
 
 def _put_line(link: Element, start: np.ndarray, end: np.ndarray, radius: float) -> None:
+    """Append a cylinder from one point to another to a link's picture."""
     line = end - start
     turned = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), line).matrix()
     picture = put(link, "visual")

@@ -1,8 +1,14 @@
-"""Closed loops: where a mechanism's branches meet again, and how it is put together.
+"""Closed loops: the joints that close them, and how a mechanism with loops is assembled.
 
 A URDF describes a tree. A loop adds one more joint, between two links of different branches. With
 clearance nothing holds it but contact: the loop is cut there. Ideal, it is a constraint, which
 Pinocchio enforces.
+
+Whether loops are closed is told by the `openings` of all `closures`, the residual of the loop
+equations, zero if each journal sits where its ideal joint would hold it. `assemble` finds a closed
+configuration by least squares, for the first one of a run; `newton` follows loops from one that is
+nearly closed; `consistent_velocity` does the same for speeds. A `Lock` stands for freedoms that a
+loop's joint locks besides its contact.
 """
 
 from __future__ import annotations
@@ -27,28 +33,29 @@ if TYPE_CHECKING:
 Vector = tuple[float, float, float]
 
 ASSEMBLY_TOLERANCE_M = 1e-9
-"""Gap that may remain in an assembled loop; angles count on an arm of `ANGLE_ARM_M`."""
+"""Gap that may remain in an assembled loop [m]; angles count on an arm of `ANGLE_ARM_M`."""
 ANGLE_ARM_M = 0.1
 """Arm on which an angle counts as a length [m]: links are about as long (judged)."""
 
 _IDEAL_WEIGHT = 1e3
-"""Weight of loops without clearance beside those whose journal has room."""
+"""Weight of loops without clearance, which must close, beside loops whose journal has room."""
 
 _NEWTON_STEPS, _NEWTON_REACH, _NEWTON_CHANGE = 30, 0.3, 1e-12
-"""Most steps of `newton`, the largest, and the one after which it is there [rad or m]."""
+"""`newton`: most steps; longest step, beyond which it gives up; step at which it has converged
+[rad or m]."""
 SINGULAR = 1e-9
-"""Part of the largest singular value that is none."""
+"""Singular value, relative to the largest, up to which it counts as zero."""
 
 NO_SPEED = 1e-9
-"""Part of the fastest coordinate's speed that is none: rounding."""
+"""Speed, relative to the fastest coordinate's, up to which it counts as zero: rounding."""
 
 _CONTINUATION_STEP, _CONTINUATION_REACH = 0.1, 0.5
-"""Steps in which given positions are approached, and by how much others may move in one [rad or m].
-"""
+"""Steps in which given positions are approached from zero, and the farthest that other coordinates
+may move in one of them [rad or m]."""
 
 GUESS = 0.05
-"""By how much positions that were given may be corrected where loops determine them; on an arm of
-`ANGLE_ARM_M` for sliders [rad].
+"""Largest correction of a given position where loops determine it [rad]; of a slider on an arm of
+`ANGLE_ARM_M`.
 
 Printed values are rounded, and read off drawings to some degrees; other branches are farther.
 """
@@ -56,7 +63,8 @@ Printed values are rounded, and read off drawings to some degrees; other branche
 _YAW = RELATIVE.index("yaw")
 
 PROXIMAL = pin.ProximalSettings(1e-12, 1e-10, 10)
-"""Accuracy, regularisation and iterations of Pinocchio's solver: constraints may be redundant."""
+"""Accuracy, regularisation and iterations of Pinocchio's proximal solver, for constraints that may
+be redundant."""
 
 
 def refuse_name(name: str, joints: Collection[str]) -> None:
@@ -67,7 +75,7 @@ def refuse_name(name: str, joints: Collection[str]) -> None:
 
 @dataclass(frozen=True)
 class Loop(Described):
-    """A joint between two links that closes a loop: where bearing and journal sit.
+    """A joint between two links that closes a loop, by the frames of its bearing and journal.
 
     z of both frames is the joint's axis (for a slider, the direction of sliding).
 
@@ -102,7 +110,7 @@ class Loop(Described):
         return pin.SE3(pin.rpy.rpyToMatrix(*self.journal_rpy), np.array(self.journal_xyz))
 
     def frames(self, model: pin.Model) -> Frames:
-        """Bearing and journal in a model that has both links."""
+        """Frames of bearing and journal in a model that has both links."""
         links = (self.bearing_link, self.bearing), (self.journal_link, self.journal)
         ends = []
         for link, place in links:
@@ -112,32 +120,33 @@ class Loop(Described):
 
 
 class Closure(NamedTuple):
-    """Two frames that are held together: those of a loop's joint, or of a lock."""
+    """Two frames that must meet for a loop to be closed: those of its joint, or of its lock."""
 
     name: str
     frames: Frames
-    """Bearing and journal, or carriage and what it holds."""
+    """Bearing and journal, or carriage and what is fixed to it."""
     rows: list[int]
-    """Of the second's motion against the first (`RELATIVE`), those that are zero."""
+    """Rows of the second frame's motion against the first (`RELATIVE`) that are constrained."""
 
     @property
     def weights(self) -> np.ndarray:
-        """One for each row of an offset, the arm for one of an angle."""
+        """Lengths for a unit of each row: 1 for an offset, the arm `ANGLE_ARM_M` for an angle."""
         return np.where(np.array(self.rows, int) < 3, 1.0, ANGLE_ARM_M)
 
     def gap(self, data: pin.Data, aside: pin.SE3 | None) -> np.ndarray:
-        """By how much it is open, after `pin.forwardKinematics`; see `openings`."""
+        """Opening of each row [m or rad], after `pin.forwardKinematics`; see `openings`."""
         pose = pose_between(data, self.frames)
         if aside is not None:
             pose = aside.actInv(pose)
         turn = pose.rotation
         yaws = _YAW in self.rows
+        # If the joint is free to yaw, only its axis counts: the x and y of the journal's z.
         angles = pin.log3(turn) if yaws else np.array([-turn[1, 2], turn[0, 2], 0.0])
         return np.concatenate([pose.translation, angles])[self.rows]
 
 
 def closures(mechanism: Mechanism, loops: Collection[str] | None = None) -> list[Closure]:
-    """All `loops` (None: every one) and all locks, after `pin.forwardKinematics`."""
+    """Closures of `loops` (None: all) and of all locks, after `pin.forwardKinematics`."""
     names = mechanism.loops if loops is None else loops
     kinds = {name: mechanism.loop_class(name).held() for name in names}
     held = [Closure(name, mechanism.closing_frames(name), rows) for name, rows in kinds.items()]
@@ -146,17 +155,16 @@ def closures(mechanism: Mechanism, loops: Collection[str] | None = None) -> list
 
 
 def misfit(mechanism: Mechanism, q: np.ndarray) -> dict[str, np.ndarray]:
-    """What keeps each loop from being closed in configuration q, zero if it is.
+    """Openings of each loop and lock (`locked`) in configuration q, by name, journals centred [m].
 
-    Returns:
-        By loop, and by lock (`locked`), as `openings`, angles on an arm of `ANGLE_ARM_M` [m].
+    They are those of `openings`, with angles on an arm of `ANGLE_ARM_M`.
     """
     pin.forwardKinematics(mechanism.model, mechanism.data, q)
     return {c.name: c.weights * c.gap(mechanism.data, None) for c in closures(mechanism)}
 
 
 def locked(name: str) -> str:
-    """What the lock of loop `name` is called beside the loop."""
+    """Name of the lock of the loop `name`."""
     return f"{name} (lock)"
 
 
@@ -169,12 +177,14 @@ def assemble(
 ) -> np.ndarray:
     """Configuration (nq,) near q in which all loops are closed; q itself without loops.
 
-    Where q says of no other coordinate than `held`, these go there from the zero pose in steps that
-    the loops follow: far from it, loops close in several ways. Journals stay where they are in
-    their bearings, or at `offsets` (by loop, (3,) [m]), and only turn with them. If the loops
-    cannot be closed like this, those of `held` that are `guessed` are corrected by at most `GUESS`,
-    with a warning. If that does not do, journals of the tree move too, as far as their clearance
-    lets them, and those that close a loop lie where the positions given for the others put them.
+    Coordinates that are `held` keep the positions of q; the others follow. The order of attempts:
+
+    1. Where q gives positions to no others than `held`, these go there from the zero pose in steps
+       that the loops follow: far from it, loops close in several ways. Journals stay where they are
+       in their bearings, or at `offsets` (by loop, (3,) [m]), and only turn with them.
+    2. Those of `held` that are `guessed` are corrected by at most `GUESS`, with a warning.
+    3. Journals of the tree move too, as far as their clearance lets them.
+    4. Journals that close a loop lie where the positions given for the others put them.
 
     Raises:
         JointplayError: the loops cannot be closed; the message has the gap that remains, and
@@ -184,18 +194,18 @@ def assemble(
         return q.copy()
     offsets = offsets or {}
     free = _free(mechanism, held, journals=False)
-    best = closest(mechanism, _continued(mechanism, q, held, free), free, offsets)
+    best = least_open(mechanism, _continued(mechanism, q, held, free), free, offsets)
     if _gap(mechanism, best, offsets) > ASSEMBLY_TOLERANCE_M:
         corrected = _corrected(mechanism, q, held, guessed)
-        moved = closest(mechanism, best, _free(mechanism, held, journals=True), offsets)
+        moved = least_open(mechanism, best, _free(mechanism, held, journals=True), offsets)
         if corrected is not None:
             best = corrected
         elif _fit(mechanism, moved):
             best = moved
         elif not _fit(mechanism, best):
-            raise _open(mechanism, q, best, held, guessed)
-    for name in mechanism.gears:
-        if mechanism.motor(name) not in held:  # unstrained
+            raise _assembly_error(mechanism, q, best, held, guessed)
+    for name in mechanism.gears:  # motors turn with their joints, so that gears are unstrained
+        if mechanism.motor(name) not in held:
             best[mechanism.motor(name)] = best[mechanism.coordinate(name)]
     return best
 
@@ -203,7 +213,10 @@ def assemble(
 def _continued(
     mechanism: Mechanism, q: np.ndarray, held: Sequence[int], free: np.ndarray
 ) -> np.ndarray:
-    """q with `free` continued from the zero pose; as it is if it has them or no loop closes so."""
+    """q with its `free` coordinates found by continuation from the zero pose.
+
+    q as it is if it gives positions to `free` ones, or if the loops cannot be followed.
+    """
     goal = np.zeros_like(q)
     goal[held] = q[held]
     steps = math.ceil(np.abs(goal).max(initial=0.0) / _CONTINUATION_STEP)
@@ -213,7 +226,7 @@ def _continued(
     for step in range(steps + 1):
         trial = led.copy()
         trial[held] = goal[held] * step / steps
-        led = closest(mechanism, trial, free, {})
+        led = least_open(mechanism, trial, free, {})
         moved = np.abs(led - trial).max()
         if moved > _CONTINUATION_REACH or _gap(mechanism, led, {}) > ASSEMBLY_TOLERANCE_M:
             return q
@@ -223,9 +236,9 @@ def _continued(
 
 
 def follow(mechanism: Mechanism, q: np.ndarray, held: Sequence[int]) -> np.ndarray:
-    """`assemble` of a mechanism without clearance, from a q at which it is closed but for little.
+    """`assemble` for a mechanism without clearance whose loops are nearly closed in q.
 
-    By Newton's method, which takes a few tenths of the time.
+    Newton's method, tried first, takes a few tenths of the time.
     """
     free = np.setdiff1d(np.arange(mechanism.model.nv), held)
     moved = newton(mechanism, q, np.eye(mechanism.model.nv)[:, free])
@@ -241,9 +254,10 @@ def newton(
     weight: np.ndarray | float = 1.0,
     aside: Mapping[str, pin.SE3] | None = None,
 ) -> np.ndarray | None:
-    """q (nq,) moved along `directions` (nv, k) until the loops are as closed as can be, or None.
+    """q (nq,) moved along `directions` (nv, k) to the least openings; None without convergence.
 
-    `weight`: of each row of `openings`, where not all of them can be zero; `aside`: see there.
+    Gauss-Newton steps: where not all `openings` can become zero, their weighted squares are least.
+    `weight` is that of each row, `aside` as for `openings`.
     """
     moved = q
     for _ in range(_NEWTON_STEPS):
@@ -265,7 +279,7 @@ def newton_step(
     aside: Mapping[str, pin.SE3] | None = None,
     loops: Collection[str] | None = None,
 ) -> np.ndarray:
-    """How far along `directions` (nv, k) from q (nq,) to close `loops`, (k,); see `newton`."""
+    """One step of `newton` from q, by its length along each direction (k,), for `loops`."""
     residual = weight * openings(mechanism, q, aside, loops)
     rows = (np.reshape(weight, (-1, 1)) * closing_rows(mechanism, q, loops)) @ directions
     change: np.ndarray = np.linalg.lstsq(rows, -residual, rcond=SINGULAR)[0]
@@ -278,9 +292,10 @@ def openings(
     aside: Mapping[str, pin.SE3] | None = None,
     loops: Collection[str] | None = None,
 ) -> np.ndarray:
-    """By how much `loops` and all locks are open, in the order of `closing_rows` [m, rad].
+    """Openings of `loops` (None: all) and of all locks, in the order of `closing_rows` [m, rad].
 
-    Journals of loops have the poses `aside` in their bearings; centred if not given.
+    They count from the poses `aside` of journals in their bearings, by loop; from the centred pose
+    if not given.
     """
     pin.forwardKinematics(mechanism.model, mechanism.data, q)
     places = aside or {}
@@ -289,13 +304,13 @@ def openings(
 
 
 def _free(mechanism: Mechanism, held: Sequence[int], journals: bool) -> np.ndarray:
-    """Coordinates not `held`; of journals only what the ideal joint has too, unless `journals`."""
-    coordinates = range(mechanism.model.nv) if journals else own_coordinates(mechanism)
+    """Coordinates that are not `held`; without `journals` only those of the ideal mechanism."""
+    coordinates = range(mechanism.model.nv) if journals else ideal_coordinates(mechanism)
     return np.array([i for i in coordinates if i not in held], int)
 
 
-def own_coordinates(mechanism: Mechanism) -> list[int]:
-    """Coordinates that the ideal mechanism has too, carriages of locks among them."""
+def ideal_coordinates(mechanism: Mechanism) -> list[int]:
+    """Coordinates that the ideal mechanism has, too, with the carriages of locks."""
     indices = []
     for index, coordinate in enumerate(mechanism.coordinates):
         name, part = coordinate.joint, coordinate.part
@@ -306,10 +321,13 @@ def own_coordinates(mechanism: Mechanism) -> list[int]:
     return indices
 
 
-def closest(
+def least_open(
     mechanism: Mechanism, q: np.ndarray, free: np.ndarray, offsets: Mapping[str, np.ndarray]
 ) -> np.ndarray:
-    """q with its `free` coordinates moved, from afar, so that the loops are as closed as can be."""
+    """q with its `free` coordinates at the least openings, by least squares that start from afar.
+
+    Journals of loops count from `offsets` (by loop, (3,) [m]).
+    """
     moved = q.copy()
     if not len(free):
         return moved
@@ -320,7 +338,7 @@ def closest(
         trial = q.copy()
         trial[free] = values
         # A loop without clearance must be closed, whatever the others then have to bear.
-        parts = _wanted(mechanism, trial, offsets)
+        parts = _residuals(mechanism, trial, offsets)
         if mixed:
             parts |= {name: _IDEAL_WEIGHT * parts[name] for name in strict}
         return np.concatenate(list(parts.values()))
@@ -332,10 +350,10 @@ def closest(
     return moved
 
 
-def _wanted(
+def _residuals(
     mechanism: Mechanism, q: np.ndarray, offsets: Mapping[str, np.ndarray]
 ) -> dict[str, np.ndarray]:
-    """`misfit` from where journals shall be."""
+    """`misfit` with journals of loops at `offsets` in their bearings."""
     parts = misfit(mechanism, q)
     for name, offset in offsets.items():
         across = [row for row in mechanism.loop_class(name).held() if row < 3]
@@ -344,11 +362,12 @@ def _wanted(
 
 
 def _gap(mechanism: Mechanism, q: np.ndarray, offsets: dict[str, np.ndarray]) -> float:
-    return max(float(np.abs(part).max()) for part in _wanted(mechanism, q, offsets).values())
+    """Largest residual of all loops [m]."""
+    return max(float(np.abs(part).max()) for part in _residuals(mechanism, q, offsets).values())
 
 
 def _fit(mechanism: Mechanism, q: np.ndarray) -> bool:
-    """Whether ideal loops are closed and every journal touches nothing, to be on the safe side."""
+    """Whether ideal loops are closed and no journal touches its bearing, to be on the safe side."""
     open_by = misfit(mechanism, q)
     for name, part in open_by.items():
         if name not in mechanism.clearance and np.abs(part).max() > ASSEMBLY_TOLERANCE_M:
@@ -370,12 +389,15 @@ def _fit(mechanism: Mechanism, q: np.ndarray) -> bool:
 def _corrected(
     mechanism: Mechanism, q: np.ndarray, held: Sequence[int], guessed: Sequence[int]
 ) -> np.ndarray | None:
-    """q with loops closed by changing what was `guessed`, too; None if that goes too far."""
-    indices = _coordinates_of(mechanism, guessed)
+    """q with loops closed by changing `guessed` positions, too, with a warning.
+
+    None if that takes more than `GUESS`, or does not close them.
+    """
+    indices = _joints_at(mechanism, guessed)
     if not indices:
         return None
     facts = [i for i in held if i not in guessed]
-    freed = closest(mechanism, q, _free(mechanism, facts, journals=False), {})
+    freed = least_open(mechanism, q, _free(mechanism, facts, journals=False), {})
     moved = {name: i for name, i in indices.items() if freed[i] != q[i]}
     for name, i in moved.items():
         slides = mechanism.description.joints[name].slides
@@ -391,27 +413,30 @@ def _corrected(
     return freed
 
 
-def _coordinates_of(mechanism: Mechanism, held: Sequence[int]) -> dict[str, int]:
-    """Joints whose own coordinate is `held`."""
+def _joints_at(mechanism: Mechanism, held: Sequence[int]) -> dict[str, int]:
+    """Joints whose ideal coordinate is `held`, with its index."""
     indices = {name: mechanism.coordinate(name) for name in mechanism.joints}
     return {name: i for name, i in indices.items() if i in held}
 
 
-def _open(
+def _assembly_error(
     mechanism: Mechanism,
     q: np.ndarray,
     best: np.ndarray,
     held: Sequence[int],
     guessed: Sequence[int],
 ) -> JointplayError:
-    """Which loop stays open the most in `best`, and where the loops would close."""
+    """Error that names the loop that stays open the most in `best`, and a remedy.
+
+    Where the loops close with fewer positions given, the message has the positions they then take.
+    """
     gaps = {name: float(np.abs(part).max()) for name, part in misfit(mechanism, best).items()}
     worst = max(gaps, key=lambda name: gaps[name])
     fault = f"the mechanism cannot be assembled: loop {worst!r} stays open by {gaps[worst]:.4g} m; "
-    joints, facts = _coordinates_of(mechanism, held), [i for i in held if i not in guessed]
+    joints, facts = _joints_at(mechanism, held), [i for i in held if i not in guessed]
     remedy = "check lengths and frames, or start from other joint positions"
     for fixed in (facts, []) if joints else ():
-        freed = closest(mechanism, q, _free(mechanism, fixed, journals=False), {})
+        freed = least_open(mechanism, q, _free(mechanism, fixed, journals=False), {})
         if _gap(mechanism, freed, {}) < ASSEMBLY_TOLERANCE_M:
             near = ", ".join(f"{name} = {freed[i]:.6g}" for name, i in joints.items())
             remedy = (
@@ -425,10 +450,10 @@ def _open(
 def closing_rows(
     mechanism: Mechanism, q: np.ndarray, loops: Collection[str] | None = None
 ) -> np.ndarray:
-    """Jacobian of what `loops` (None: all) and all locks forbid in configuration q, (rows, nv).
+    """Jacobian of the closures of `loops` (None: all) and of all locks in configuration q.
 
-    Relative velocities of journal and bearing that are zero while the loops stay closed, journals
-    resting in their bearings.
+    Shape (rows, nv). Rows: constrained velocities of journals against bearings, zero while the
+    loops stay closed and journals rest in their bearings.
     """
     pin.forwardKinematics(mechanism.model, mechanism.data, q)
     rows = [mechanism.motion(c.frames, q)[c.rows] for c in closures(mechanism, loops)]
@@ -444,9 +469,10 @@ def consistent_velocity(
 ) -> np.ndarray:
     """Velocity nearest to v with which all loops stay closed, journals resting in their bearings.
 
-    What that leaves open, as where journals lean or speeds are given (`held`) for too many
-    coordinates, journals make up for, moving as little as can be: bearings hold them by contact
-    only. Those `led` (None: all) follow a reference.
+    Coordinates that are `held` keep their speeds in v. Where no velocity satisfies all closures, as
+    where journals lean or speeds are given for too many coordinates, journals move as little as
+    needed: bearings hold them by contact only. The `led` among `held` (None: all of them) follow a
+    reference.
 
     Raises:
         JointplayError: the given speeds would tear apart a loop without clearance, or references
@@ -458,7 +484,7 @@ def consistent_velocity(
     limit = NO_SPEED * max(1.0, float(np.abs(v).max(initial=0.0)))
 
     def moving(rows: np.ndarray, fixed: Sequence[int]) -> tuple[np.ndarray, float]:
-        """The velocity, and the largest that `rows` still forbid."""
+        """The velocity with `fixed` speeds, and the largest speed that `rows` still forbid."""
         resting = _nearest(mass, v, rows, _free(mechanism, fixed, journals=False))
         moved = _nearest(mass, resting, rows, _free(mechanism, fixed, journals=True))
         for name in mechanism.gears:
@@ -485,10 +511,11 @@ def consistent_velocity(
 
 
 def _nearest(mass: np.ndarray, v: np.ndarray, rows: np.ndarray, free: np.ndarray) -> np.ndarray:
-    """Velocity nearest to v by its kinetic energy, `free` coordinates changed, that `rows` allow.
+    """Velocity nearest to v that `rows` (k, nv) allow, with `free` coordinates changed.
 
-    If they allow none, one that they forbid the least. With M = L L^T of the free coordinates, the
-    change is L^-T y, its energy |y|^2 / 2. A norm of m/s and rad/s together would be none.
+    If they allow none, the velocity with the least |rows v|. Near is measured by the kinetic energy
+    of the change, for a norm of m/s and rad/s together would be none: with M = L L^T of the free
+    coordinates, the change is L^-T y, its energy |y|^2 / 2.
     """
     from scipy.linalg import solve_triangular  # takes long to import
 
@@ -501,7 +528,7 @@ def _nearest(mass: np.ndarray, v: np.ndarray, rows: np.ndarray, free: np.ndarray
     return moved
 
 
-# What a joint that closes a loop locks, where nothing else in the loop does.
+# Locks: freedoms that the joint of a loop locks, and that nothing else in the loop does.
 #
 # Pinocchio's constraints hold points or whole frames, not single freedoms. So the bearing carries
 # one more body, a carriage, which has the freedoms that the joint leaves; three points fix the
@@ -510,7 +537,7 @@ def _nearest(mass: np.ndarray, v: np.ndarray, rows: np.ndarray, free: np.ndarray
 
 
 SHARE = 0.1
-"""Part of the journal's inertia that the carriage takes."""
+"""Part of the inertia of the journal's link that the carriage takes."""
 
 _CLOSED = {
     frozenset[str](): frozenset[str](),
@@ -518,24 +545,24 @@ _CLOSED = {
     frozenset({"pitch"}): frozenset("xz"),
     frozenset({"yaw", "pitch", "roll"}): frozenset("xyz"),
 }
-"""Translations that must be free with these rotations for the inverse motion to have the same
-freedoms."""
+"""Sets of free rotations that stay free seen from the journal, and the translations that must then
+be free, too: with these the inverse motion has the same freedoms."""
 
 
 @dataclass(frozen=True)
 class Lock:
-    """A carriage and what is fixed to it, by names that outlast a new build of the model."""
+    """A carriage and the body fixed to it, by names that outlast a new build of the model."""
 
     carrier: str
     """Pinocchio joint whose body carries the carriage; ``universe`` for the ground."""
     placement: pin.SE3
-    """Of the carriage's axes in that joint's frame."""
+    """Pose of the carriage's axes in that joint's frame."""
     freedoms: tuple[str, ...]
-    """The carriage's."""
+    """Freedoms of the carriage."""
     held: str
     """Pinocchio joint whose body is fixed to the carriage."""
     frame: pin.SE3
-    """What of it coincides with the carriage."""
+    """Pose, in that joint's frame, of the frame that coincides with the carriage."""
 
     @classmethod
     def between(
@@ -546,14 +573,14 @@ class Lock:
         bearing: Frame,
         journal: Frame,
     ) -> Lock:
-        """For loop `name`, whose joint leaves `freedoms`, between two frames of `model`.
+        """Lock of the loop `name`, whose joint leaves `freedoms`, between two frames of `model`.
 
         Raises:
             JointplayError: the journal belongs to the ground, and freedoms are not the same seen
                 from there; or its link has no mass.
         """
         carrier, held = bearing, journal
-        if journal[0] == 0:
+        if journal[0] == 0:  # the ground has no inertia to share: exchange the two
             turns = frozenset(freedoms) - frozenset("xyz")
             if turns not in _CLOSED or not _CLOSED[turns] <= frozenset(freedoms):
                 raise JointplayError(
@@ -568,7 +595,7 @@ class Lock:
         return cls(model.names[carrier[0]], carrier[1], freedoms, model.names[held[0]], held[1])
 
     def share(self, model: pin.Model, carriage: int) -> Frame:
-        """Move part of the inertia of what is held to the carriage; its joint and frame."""
+        """Move part of the held body's inertia to the carriage; return the held frame."""
         at = int(model.getJointId(self.held))
         inertia = model.inertias[at].copy()  # what Pinocchio gives changes with the model
         model.inertias[at] = _scaled(inertia, 1.0 - SHARE)

@@ -1,4 +1,9 @@
-"""Links that joints move and that nothing gives inertia: their motion is undetermined."""
+"""Motions without inertia: the null space of the mass matrix, in which nothing determines motion.
+
+A joint that moves a link without mass or inertia makes the mass matrix singular. The matrix is
+scaled to a unit diagonal, since its entries have different units; eigenvalues that are zero are
+motions that cost no energy.
+"""
 
 from __future__ import annotations
 
@@ -15,15 +20,15 @@ if TYPE_CHECKING:
     from jointplay.model.mechanism import Mechanism
 
 _NO_INERTIA = 1e-12
-"""An entry on the mass matrix's diagonal that is no larger is none [kg m^2 or kg]."""
+"""Entry on the mass matrix's diagonal up to which it counts as zero [kg m^2 or kg]."""
 _SINGULAR = 1e-13
-"""Eigenvalue of the mass matrix, its diagonal scaled to 1, that counts as zero."""
+"""Eigenvalue of the mass matrix, its diagonal scaled to 1, up to which it counts as zero."""
 _STILL = 1e-6
-"""Motion that passes for none, relative to the fastest coordinate [1, m or 1/m]."""
+"""Motion, relative to the fastest coordinate, up to which it counts as none [1, m or 1/m]."""
 
 
 def massless_motions(mechanism: Mechanism, q: np.ndarray) -> np.ndarray:
-    """Motions that cost no energy, one a column, shape (nv, n); none in a sound mechanism.
+    """Motions that cost no kinetic energy, one a column, shape (nv, n); none if all have inertia.
 
     Raises:
         JointplayError: nothing can move, or a motion has negative energy, of links with inertias
@@ -34,7 +39,7 @@ def massless_motions(mechanism: Mechanism, q: np.ndarray) -> np.ndarray:
         raise JointplayError("nothing can move: the mechanism has no joint that is not fixed")
     mass = mechanism.mass_matrix(q)
     diagonal = mass.diagonal()
-    bare = diagonal <= _NO_INERTIA
+    bare = diagonal <= _NO_INERTIA  # cannot be scaled: each is a motion by itself
     scale = np.where(bare, 0.0, 1.0 / np.sqrt(np.where(bare, 1.0, diagonal)))
     values, vectors = np.linalg.eigh(mass * np.outer(scale, scale) + np.diag(bare * 1.0))
     if values[0] < -_SINGULAR or diagonal.min() < -_NO_INERTIA:
@@ -46,7 +51,7 @@ def massless_motions(mechanism: Mechanism, q: np.ndarray) -> np.ndarray:
 
 
 def _negative(mechanism: Mechanism, q: np.ndarray, motion: np.ndarray) -> str:
-    """Why the energy of a motion (nv,) is negative: links that it moves with negative moments."""
+    """Message on a motion (nv,) of negative energy: the links in it with negative moments."""
     moved = massless_links(mechanism, q, motion[:, None])
     inertias = inertia_faults(mechanism.description.elements())
     faults = [fault.partition(";")[0] for link, fault in inertias.items() if link in moved]
@@ -55,12 +60,12 @@ def _negative(mechanism: Mechanism, q: np.ndarray, motion: np.ndarray) -> str:
     return (
         f"the mass matrix is indefinite, {', '.join(names)} would move with negative energy: "
         f"{'; '.join(faults) or 'see the inertias of the links'}; that was allowed, but only "
-        "jointplay budget can do with it: correct it"
+        "jointplay budget works with it: correct it"
     )
 
 
 def massless_links(mechanism: Mechanism, q: np.ndarray, motions: np.ndarray) -> dict[str, str]:
-    """Links that move in motions (nv, n), and the URDF joint that moves each."""
+    """Links that move in any of the motions (nv, n), with the URDF joint that moves each."""
     model, data = mechanism.model, mechanism.data
     if not motions.size:
         return {}
@@ -76,7 +81,12 @@ def massless_links(mechanism: Mechanism, q: np.ndarray, motions: np.ndarray) -> 
 
 
 def require_inertia(mechanism: Mechanism, q: np.ndarray) -> None:
-    """Raise if joints move links that nothing gives inertia; all of them are named."""
+    """Raise unless all motions have inertia.
+
+    Raises:
+        JointplayError: some have none; the message names their links, gears or coordinates, and
+            what would help.
+    """
     motions = massless_motions(mechanism, q)
     if not motions.size:
         return
@@ -84,7 +94,7 @@ def require_inertia(mechanism: Mechanism, q: np.ndarray) -> None:
     moving = np.flatnonzero(np.abs(motions).max(axis=1) > _STILL)
     parts = [mechanism.coordinates[i].joint for i in moving]
     play = [name for name in mechanism.clearance if name in parts]
-    if not links:  # such as motions of which no joint of the URDF has more than a trace
+    if not links:  # motors, or motions of which no joint of the URDF has more than a trace
         names = [mechanism.coordinates[i] for i in moving] or list(mechanism.coordinates)
         motors = [name.removesuffix(".motor") for name in names if name.endswith(".motor")]
         if motors:

@@ -1,10 +1,14 @@
 """A mechanism: a Pinocchio model in which some joints have clearance.
 
-A joint with clearance replaces its URDF joint by the virtual link: a translation of the journal's
-centre in the bearing frame, then yaw, pitch and roll (ZYX), but for what is locked. The bearing
-frame's z is the joint's axis, so yaw (z, for a slider) is what the ideal joint's coordinate was:
-the drive acts on it and the encoder sees it. Nothing but the contact force connects the two bodies.
-A loop is cut at a joint with clearance and needs no coordinates at all.
+A joint with clearance is no longer a constraint. In the tree, its URDF joint becomes a virtual link
+of six coordinates: the translation of the journal's centre in the bearing frame, then yaw, pitch
+and roll (ZYX), without the freedoms that the joint locks. z of the bearing frame is the joint's
+axis, so yaw (z of a slider) takes the place of the ideal joint's coordinate: the drive acts on it,
+the encoder reads it. Only the contact force connects the two bodies. A joint with clearance that
+closes a loop is where the loop is cut: it adds no coordinates at all.
+
+`design` collects what a mechanism is made of, `design.build` makes Pinocchio's model of it;
+`Mechanism` is both, with the kinematics and dynamics that the rest of the package asks for.
 """
 
 from __future__ import annotations
@@ -44,10 +48,11 @@ _AXIS_ARM_M = 0.05
 def frame_index(
     model: pin.Model, name: str, noun: str = "frame", more: Sequence[str] = (), where: Where = ()
 ) -> int:
-    """Index of the frame `name`; if a link and a joint are called like this, of the link's.
+    """Index of the frame `name`; a link's frame goes before a joint's of the same name.
 
     Raises:
-        MissingName: no such frame; `noun` is what it is called, `more` what there is besides.
+        MissingName: no such frame; the message calls it a `noun`, and offers the names `more`
+            besides the frames.
     """
     if model.existFrame(name, pin.FrameType.BODY):
         return int(model.getFrameId(name, pin.FrameType.BODY))
@@ -58,7 +63,7 @@ def frame_index(
 
 
 def loaded(model: pin.Model, payloads: Sequence[Payload], time: float) -> pin.Model:
-    """A model with the payloads that are held at a time [s]; a copy."""
+    """Copy of a model, with the payloads that its frames hold at a time [s]."""
     bodies = model.copy()
     for payload in payloads:
         if payload.pick <= time and (payload.release is None or time < payload.release):
@@ -69,12 +74,12 @@ def loaded(model: pin.Model, payloads: Sequence[Payload], time: float) -> pin.Mo
 
 @dataclass(frozen=True, kw_only=True)
 class WrittenMechanism:
-    """A mechanism as result files have it."""
+    """The fields of a mechanism in a result file."""
 
     urdf: str
-    """Name of the file."""
+    """Name of the URDF file."""
     urdf_text: str
-    """All of its text."""
+    """The whole text of the URDF."""
     clearance: dict[str, Clearance]
     gravity: tuple[float, float, float] = quantity("m/s^2")
     tool: str
@@ -94,30 +99,30 @@ class Mechanism(Overview, Described, Design):
             ``pinocchio.Model``, whose placements, inertias, limits, gravity and armature count; or
             a `Linkage`, which brings its loops.
         clearance: joints with clearance, by the name of the URDF joint that each replaces or of the
-            loop that each cuts. One whose field `ideal` is set has none.
+            loop that each cuts. A joint whose field `ideal` is set has none.
         loops: joints that close loops, by name; without clearance they are ideal revolute joints.
         gears: gears with play between a joint and its motor, by joint.
         flexible: links that bend and twist, by name.
         gravity: in world axes, shape (3,) [m/s^2]; ``"loaded"`` is 9.81 m/s^2 along -z,
-            ``"balanced"`` none. None: what an MJCF says, as of the base, of gears with play, and
-            of balls; ``"loaded"`` of other files.
+            ``"balanced"`` none. None: what an MJCF says (its base, gears with play and balls count
+            likewise where nothing is given); ``"loaded"`` for other files.
         tool: name of the frame whose motion is reported; None takes the end of the chain of moving
-            joints that has most of those with clearance (`mechanism.tool`).
+            joints that has most of the joints with clearance (`mechanism.tool`).
         allow_unphysical: links whose inertia is used although no rigid body has it; ``["all"]``
             stands for all of them.
-        fix: joints that are held, with those that mimic them: at zero, or in the middle of
-            limits that exclude it.
-        base: ``"held"`` to the ground, or ``"free"``: held by nothing, as that of what walks, flies
-            or is carried. Its coordinates ``base.x``, ``.y``, ``.z`` [m], ``.yaw``, ``.pitch`` and
-            ``.roll`` [rad] come first; they are zero where the URDF has it. None: what an MJCF
-            says, else ``"held"``.
+        fix: joints that are held, with the joints that mimic them: at zero, or in the middle of
+            limits that exclude zero.
+        base: ``"held"`` to the ground, or ``"free"`` like that of a robot that walks, flies or is
+            carried. The coordinates of a free base, ``base.x``, ``.y``, ``.z`` [m], ``.yaw``,
+            ``.pitch`` and ``.roll`` [rad], come first; they are zero where the URDF has the base.
+            None: what an MJCF says, else ``"held"``.
         xacro: arguments of a robot that is written in xacro, by name.
 
     Attributes besides those of `Design`:
         model, data: the Pinocchio model and data that the simulation uses.
         coordinates: names of the generalised coordinates, in the order of q and v.
-        locks: by loop whose joint locks what nothing else in the loop does: frames of the carriage
-            and of what is fixed to it (`model.loop`).
+        locks: frames of the carriage and of the body fixed to it, by loop; for loops whose joint
+            locks a freedom that nothing else in the loop does (`model.loop`).
 
     Raises:
         JointplayError: see `formats.read`; also a joint or link that does not exist, a joint of a
@@ -165,39 +170,41 @@ class Mechanism(Overview, Described, Design):
 
     @property
     def mounts(self) -> tuple[str, ...]:
-        """Names of the joints that cannot move without clearance, and give way."""
+        """Names of the joints with clearance whose ideal joint is rigid: elastic mounts."""
         joints = self.clearance.items()
         return tuple(name for name, joint in joints if not joint.ideal_freedoms)
 
     @property
     def hinges(self) -> dict[str, list[str]]:
-        """Names of the mounts that are hinges of flexible links, by link."""
+        """Names of the mounts that are the hinges of flexible links, by link."""
         return hinges_of(self.description, self.clearance)
 
     def coordinate(self, joint: str) -> int:
-        """Index in q of the ideal coordinate of `joint` (yaw, or z of a slider, with clearance).
+        """Index in q of the ideal joint's coordinate; with clearance yaw, or z of a slider.
 
         Raises:
             MissingName: no such joint.
         """
-        name = self.own_coordinate(joint)
+        name = self.ideal_coordinate(joint)
         if name not in self.coordinates or joint in self.loops:
             raise MissingName("moving joint", joint, self.joints)
         return self.coordinates.index(name)
 
     def motor(self, joint: str) -> int:
-        """Index in q of the coordinate that a drive of `joint` acts on: the motor's, if geared."""
+        """Index in q of the coordinate on which a drive of `joint` acts: its motor's, if geared."""
         if joint in self.gears:
             return self.coordinates.index(Coordinate(joint, MOTOR))
         return self.coordinate(joint)
 
     def plays(self, index: int) -> bool:
-        """Whether coordinate `index` is one of a joint's virtual link."""
+        """Whether coordinate `index` belongs to the virtual link of a joint with clearance."""
         coordinate = self.coordinates[index]
         return coordinate.part in VIRTUAL_LINK and coordinate.joint in self.clearance
 
     def movers(self, relative_to: str | None = None) -> list[str]:
-        """Joints that move the tool, or move it as seen from a link or frame; with loops all.
+        """Joints that move the tool, in the world or against the link or frame `relative_to`.
+
+        In a mechanism with loops: all joints and loops.
 
         Raises:
             MissingName: no such link or frame.
@@ -205,45 +212,40 @@ class Mechanism(Overview, Described, Design):
         if self.loops:
             return [*dict.fromkeys(part.joint for part in self.coordinates), *self.loops]
         between = {*self.model.supports[self.model.frames[self.tool_frame].parentJoint]}
-        if relative_to is not None:
+        if relative_to is not None:  # joints that carry both move neither against the other
             body = self.model.frames[frame_index(self.model, relative_to, "body")]
             between ^= {*self.model.supports[body.parentJoint]}
         owners = dict.fromkeys(self.owner(index) for index in sorted(between))
         return [name for name in owners if name not in (None, self.free_base)]
 
     def has_virtual_link(self, joint: str) -> bool:
-        """Whether the pose of the journal is that of six coordinates of the tree."""
-        fitted = self.clearance[joint]
-        in_tree = joint not in self.loops and not fitted.exchanged
-        return in_tree and fitted.freedoms == VIRTUAL_LINK
+        """Whether the journal's pose in the bearing is six coordinates of the tree."""
+        clearance = self.clearance[joint]
+        in_tree = joint not in self.loops and not clearance.exchanged
+        return in_tree and clearance.freedoms == VIRTUAL_LINK
 
     def virtual_link(self, joint: str) -> int:
-        """Index in q of the first of the coordinates of the joint's virtual link."""
+        """Index in q of the first coordinate of the joint's virtual link."""
         first = self.clearance[joint].freedoms[0]
         return self.coordinates.index(Coordinate(joint, first))
 
-    def carriage(self, loop: str) -> list[int]:
-        """Indices in q of the carriage of a lock."""
-        parts = self.clearance[loop].freedoms
-        return [self.coordinates.index(Coordinate(loop, part)) for part in parts]
-
     @property
     def held(self) -> str:
-        """That the base is held, in words; see `Description.held`. That of a linkage always is."""
+        """A sentence that the base is held; empty where nobody would ask, as of a linkage."""
         return "" if self.loops or self.free_base else self.description.held
 
     @property
     def base_words(self) -> str:
-        """Whether the base is free or held, in words; empty if nobody would ask."""
+        """A sentence whether the base is free or held; empty where nobody would ask."""
         return self.held if self.free_base is None else self.description.free_base(self.gravity)
 
     @property
     def runs_ideal(self) -> bool:
-        """Whether it can be simulated without clearance."""
+        """Whether the mechanism can be simulated without clearance."""
         return all(joint.runs_ideal for joint in self.given_joints.values())
 
     def ideal(self) -> Mechanism:
-        """Its links alone, without clearance and gears, always the same one; maybe itself.
+        """The mechanism without clearance and gears; built once, and itself if it has neither.
 
         Raises:
             JointplayError: a joint of the tree is a groove.
@@ -257,7 +259,7 @@ class Mechanism(Overview, Described, Design):
         return self.with_clearance(self._ideal_joints(), {})
 
     def _ideal_joints(self) -> dict[str, Clearance]:
-        """Those of the joints that say of what kind an ideal one is."""
+        """Ideal joints whose kind must still be known: in loops, or with several coordinates."""
         return {
             name: replace(joint, ideal=True)
             for name, joint in self.given_joints.items()
@@ -265,13 +267,13 @@ class Mechanism(Overview, Described, Design):
         }
 
     def without(self, cause: str) -> Mechanism:
-        """The same machine without one cause of its error, always the same one; maybe itself.
+        """The same machine without one cause of its error; built once, and itself if it has none.
 
         Args:
-            cause: ``"play"``: gears without play, and ideal joints but for those that springs or
-                preload hold. How a bearing with play gives way goes with its play.
-                ``"elasticity"``: without play and rigid. The rotors of its gears are the armature
-                of their joints; the friction of its gears is left out.
+            cause: ``"play"``: gears have no play, and joints are ideal unless springs or preload
+                hold them. The compliance of a bearing with play goes with its play.
+                ``"elasticity"``: the machine has no play and is rigid. The rotors of its gears
+                become the armature of their joints; the friction of its gears is left out.
         """
         require_known("cause", cause, ("play", "elasticity"))
         return self._without_play if cause == "play" else self._rigid
@@ -282,11 +284,11 @@ class Mechanism(Overview, Described, Design):
             gear.play for gear in self.gears.values()
         ):
             return self
-        held = {name: fitted for name, fitted in self.clearance.items() if not fitted.has_play}
-        if not held and not self.gears:
+        elastic = {name: joint for name, joint in self.clearance.items() if not joint.has_play}
+        if not elastic and not self.gears:
             return self._rigid
         gears = {name: gear.with_play(0.0) for name, gear in self.gears.items()}
-        return self.with_clearance(self._ideal_joints() | held, gears)
+        return self.with_clearance(self._ideal_joints() | elastic, gears)
 
     @cached_property
     def _rigid(self) -> Mechanism:
@@ -299,11 +301,11 @@ class Mechanism(Overview, Described, Design):
     def with_clearance(
         self, clearance: Mapping[str, Clearance], gears: Mapping[str, Gearing] | None = None
     ) -> Mechanism:
-        """The same mechanism with other joints with clearance, and other gears if given."""
+        """The same mechanism with another set of joints with clearance, and of gears if given."""
         return self._like(clearance, self.gears if gears is None else gears, self.base)
 
     def bolted(self) -> Mechanism:
-        """The same with its base held to the ground; itself if it is."""
+        """The same mechanism with its base held to the ground; itself if it is held."""
         return self if self.base == HELD else self._like(self.given_joints, self.gears, HELD)
 
     def _like(
@@ -324,6 +326,7 @@ class Mechanism(Overview, Described, Design):
             fix=self.fix,
             base=base,
         )
+        # A number that a rule gave still comes from the rule, although it is given to the copy.
         copy.rules |= {
             (name, field): rule
             for (name, field), rule in self.rules.items()
@@ -332,7 +335,7 @@ class Mechanism(Overview, Described, Design):
         return copy
 
     def configuration(self, positions: Mapping[str, float]) -> np.ndarray:
-        """Configuration q with joint positions [rad, or m], the rest zero, journals centred."""
+        """Configuration q with these joint positions [rad or m], zero else: journals centred."""
         q = np.zeros(self.model.nq)
         for joint, value in positions.items():
             q[self.coordinate(joint)] = value
@@ -368,17 +371,18 @@ class Mechanism(Overview, Described, Design):
         return hash((self.description.text, self.tool, self.gravity, tuple(self.given_joints)))
 
     def facts(self) -> tuple[str, dict[str, str]]:
-        moving = list(self.joints)
+        moving, hinges = list(self.joints), self.hinges
         facts = {"moving joints": few(moving)}
         if self.base_words:
             facts["base"] = self.base_words.removeprefix("the base ")
         if self.fix:
             facts["held joints"] = few(list(self.fix))
-        hinges = self.hinges
-        for name, its in hinges.items():
-            hinge = self.clearance[its[0]]
-            facts[f"link {name}"] = f"flexible, {counted(len(its), 'hinge')}, each {hinge.summary}"
-        in_links = {name for its in hinges.values() for name in its}
+        for link, names in hinges.items():
+            hinge = self.clearance[names[0]]
+            facts[f"link {link}"] = (
+                f"flexible, {counted(len(names), 'hinge')}, each {hinge.summary}"
+            )
+        in_links = {name for names in hinges.values() for name in names}
         for name, joint in self.clearance.items():
             if name in in_links:
                 continue
@@ -400,17 +404,17 @@ class Mechanism(Overview, Described, Design):
 
     @cached_property
     def tree(self) -> Tree:
-        """Bodies of `model`, whose motion at many records is found at once."""
+        """The bodies of `model` for compiled kinematics at many records at once."""
         return Tree(self.model)
 
     @cached_property
     def visual_model(self) -> pin.GeometryModel:
-        """Shapes as the URDF has them, for `model`; stand-ins where it has none."""
+        """Visual shapes of the URDF on the frames of `model`; stand-ins where it has none."""
         return self._geometry(collisions=False)
 
     @cached_property
     def collision_model(self) -> pin.GeometryModel:
-        """Collision shapes as the URDF has them, for `model`, with no pairs of them chosen."""
+        """Collision shapes of the URDF on the frames of `model`, without collision pairs."""
         return self._geometry(collisions=True)
 
     def _geometry(self, collisions: bool) -> pin.GeometryModel:
@@ -419,12 +423,14 @@ class Mechanism(Overview, Described, Design):
         return geometry_model(self, look(self, collisions=collisions))
 
     def visualizer(self, meshes: Sequence[str | Path] = (), open: bool = False) -> Any:
-        """Pinocchio's MeshcatVisualizer, ready: it plays `Result.q`, in a notebook too.
+        """Pinocchio's MeshcatVisualizer with the mechanism loaded; it plays `Result.q`.
 
             viz = mechanism.visualizer()  # its viz.viewer.jupyter_cell() is for a notebook
             viz.play(result.q[::10], 1e-3)
 
-        `meshes` are folders where meshes may be, too; `open` opens a window of the browser.
+        Args:
+            meshes: further folders in which meshes are looked for.
+            open: whether to open a window of the browser.
 
         Raises:
             JointplayError: a given folder does not exist, or loops cannot be closed.
@@ -434,7 +440,7 @@ class Mechanism(Overview, Described, Design):
         return visualizer(self, meshes, open)
 
     def owner(self, index: int) -> str | None:
-        """Name of the joint whose coordinates Pinocchio's joint `index` has; None of the ground."""
+        """Name of the joint to which Pinocchio's joint `index` belongs; None for the ground."""
         return self.coordinates[self.model.joints[index].idx_v].joint if index > 0 else None
 
     def loop_class(self, name: str) -> type[Clearance]:
@@ -442,11 +448,12 @@ class Mechanism(Overview, Described, Design):
         return type(self.given_joints[name]) if name in self.given_joints else UNNAMED_KIND
 
     def frames(self, name: str) -> Frames:
-        """Bearing and journal of a joint: Pinocchio joint that carries it, and placement in it."""
+        """Frames of a joint's bearing and journal."""
         model = self.model
         if name in self.loops:
             bearing, journal = self.loops[name].frames(model)
         else:
+            # A virtual link may be several Pinocchio joints, the last of which has its name.
             last = int(model.getJointId(name))
             first = last
             while self.owner(model.parents[first]) == name:
@@ -457,8 +464,10 @@ class Mechanism(Overview, Described, Design):
         return (journal, bearing) if stated is not None and stated.exchanged else (bearing, journal)
 
     def closing_frames(self, name: str) -> Frames:
-        """`frames`, the bearing's where the journal would be without clearance, if a curve guides
-        it: x along the curve. After `pin.forwardKinematics`.
+        """`frames`, with the bearing's moved along to the journal where a curve guides it.
+
+        The bearing frame then stands where the journal would be without clearance, x along the
+        curve. After `pin.forwardKinematics`.
         """
         (at, bearing), journal = frames = self.frames(name)
         stated = self.given_joints.get(name)
@@ -469,7 +478,7 @@ class Mechanism(Overview, Described, Design):
     def mass_matrix(self, q: np.ndarray) -> np.ndarray:
         """M(q) of eq. 22, shape (nv, nv), symmetric [kg, kg m or kg m2 by its two coordinates].
 
-        Pinocchio's `crba` on `model`, so with the six coordinates of each virtual link.
+        It is Pinocchio's `crba` on `model`, and includes the coordinates of each virtual link.
         """
         return self._symmetric(pin.crba(self.model, self.data, q))
 
@@ -478,7 +487,7 @@ class Mechanism(Overview, Described, Design):
         return self._symmetric(pin.computeMinverse(self.model, self.data, q))
 
     def _symmetric(self, filled: np.ndarray) -> np.ndarray:
-        """A symmetric matrix, of which Pinocchio fills the upper triangle."""
+        """The symmetric matrix whose upper triangle Pinocchio has filled."""
         upper = np.triu(filled.reshape(self.model.nv, self.model.nv))
         return upper + np.triu(upper, 1).T
 
@@ -500,11 +509,11 @@ class Mechanism(Overview, Described, Design):
         )
 
     def gravity_forces(self, q: np.ndarray) -> np.ndarray:
-        """G(q) of eq. 22, (nv,) [N m, or N]: the drives that hold q at rest without contact."""
+        """G(q) of eq. 22, (nv,) [N m or N]: the efforts that hold q at rest without contact."""
         return pin.computeGeneralizedGravity(self.model, self.data, q).copy()
 
     def journal_pose(self, joint: str) -> pin.SE3:
-        """Journal frame in the bearing frame, after `pin.forwardKinematics`."""
+        """Pose of the journal frame in the bearing frame, after `pin.forwardKinematics`."""
         return pose_between(self.data, self.frames(joint))
 
     def signs(self, joint: str) -> np.ndarray:
@@ -513,7 +522,7 @@ class Mechanism(Overview, Described, Design):
         return self._signs(i, j)
 
     def _signs(self, first: int, second: int) -> np.ndarray:
-        """`signs_between` of two joints, found once."""
+        """`signs_between` two Pinocchio joints; each pair is computed once."""
         key = (first, second)
         if key not in self._known_signs:
             signs = signs_between(self.model, first, second)
@@ -522,14 +531,14 @@ class Mechanism(Overview, Described, Design):
         return self._known_signs[key]
 
     def relative_jacobian(self, joint: str, q: np.ndarray) -> np.ndarray:
-        """Motion of the journal against the bearing per generalised velocity in q, (6, nv).
+        """Jacobian of the journal's motion against the bearing in configuration q, (6, nv).
 
-        Velocity of the journal's centre and angular velocity, both in the bearing frame.
+        Rows: velocity of the journal's centre, then angular velocity, both in the bearing frame.
         """
         return self.motion(self.frames(joint), q)
 
     def motion(self, frames: Frames, q: np.ndarray) -> np.ndarray:
-        """`relative_jacobian` of any two frames."""
+        """Jacobian of the second frame's motion against the first; see `relative_jacobian`."""
         pin.computeJointJacobians(self.model, self.data, q)
         (i, _), (j, _) = frames
         columns = self.data.J.reshape(6, self.model.nv) * self._signs(i, j)
@@ -538,9 +547,12 @@ class Mechanism(Overview, Described, Design):
     def constraints(self, q: np.ndarray, frequency: float) -> list[pin.RigidConstraintModel]:
         """Pinocchio's constraints for the loops without clearance, and for locks.
 
-        A ball needs its centre held; a revolute joint a second point on its axis, unless the
-        mechanism keeps the axes parallel by itself (as planar ones do). q is assembled; `frequency`
-        [rad/s] that of Baumgarte's stabilisation, critically damped.
+        All are points held together. A ball needs its centre held; a revolute joint a second point
+        on its axis, unless the mechanism keeps the axes parallel by itself (as planar ones do).
+
+        Args:
+            q: an assembled configuration, shape (nq,).
+            frequency: of Baumgarte's stabilisation, critically damped [rad/s].
 
         Raises:
             JointplayError: a loop of a kind that cannot be simulated without clearance.
@@ -558,6 +570,7 @@ class Mechanism(Overview, Described, Design):
             bearing, journal = self.frames(name)
             points = [np.zeros(3)]
             if self.loop_class(name).holds_axis():
+                # Rows 3 and 4 are turns across the axis: a higher rank means something allows them.
                 jacobian = self.relative_jacobian(name, q)
                 ranks = [np.linalg.matrix_rank(jacobian[:n], tol=1e-9) for n in (3, 5)]
                 points += [np.array([0.0, 0.0, _AXIS_ARM_M])] if ranks[1] > ranks[0] else []
@@ -570,7 +583,7 @@ class Mechanism(Overview, Described, Design):
     def _pinned(
         self, name: str, first: Frame, second: Frame, point: np.ndarray, frequency: float
     ) -> pin.RigidConstraintModel:
-        """Constraint that holds a point of two frames together; see `constraints`."""
+        """Constraint that holds a point of two frames together, stabilised; see `constraints`."""
         at = pin.SE3(np.eye(3), point)
         (i, a), (j, b) = first, second
         kind, axes = pin.ContactType.CONTACT_3D, pin.ReferenceFrame.LOCAL

@@ -1,6 +1,6 @@
-"""Surfaces of mesh files, each part with the colour that the file gives it; read once, then kept.
+"""Surfaces of mesh files, with the colour of each part; read once, then cached.
 
-trimesh reads them, all parts of a Collada file included. What was read lies in the user's cache by
+trimesh reads them, all parts of a Collada file included. Surfaces are kept in the user's cache by
 the content of the file, so that a mesh is read again only when it has changed: Collada takes a
 hundred times as long to read as numbers.
 """
@@ -29,17 +29,17 @@ FORMATS = (".dae", ".obj", ".stl")
 """Mesh files that are read."""
 
 FOLDER = "meshes"
-"""Of meshes beside a file for a simulator."""
+"""Name of the folder with meshes beside a file for a simulator."""
 
 MOST_BYTES = 200_000_000
 """Largest mesh file that is read; those of robots have a few megabytes."""
 
 _VERSION = b"jointplay surfaces 1"
-"""Part of the key under which a surface is kept: another reading has another key."""
+"""Part of the key under which a surface is cached: to be changed with the way of reading."""
 _MOST_KEPT = 1000
-"""Files in the cache; the oldest go first."""
+"""Most files in the cache; the older half goes when it is full."""
 _WELD = 1e-6
-"""Points nearer than this are one, relative to the size of the part."""
+"""Grid on which points are welded, relative to the size of the part."""
 
 Colour = tuple[float, float, float, float]
 """Red, green, blue and opacity, 0 to 1."""
@@ -50,11 +50,11 @@ class Surface:
     """A surface of one colour; points in the order in which triangles use them, none twice."""
 
     points: np.ndarray
-    """(n, 3) [m]."""
+    """Points (n, 3) [m]."""
     triangles: np.ndarray
-    """Numbers of their points (m, 3)."""
+    """Indices of each triangle's points (m, 3)."""
     colour: Colour | None = None
-    """As the file has it; None where it says nothing."""
+    """Colour in the file; None where it states none."""
 
     def corners(self) -> np.ndarray:
         """Corners of each triangle (m, 3, 3) [m]."""
@@ -65,7 +65,7 @@ Parts = tuple[Surface, ...]
 
 
 def write_meshes(folder: Path, meshes: Mapping[str, bytes]) -> None:
-    """Write files of shapes by name into `FOLDER` of the folder in which a robot's file is."""
+    """Write mesh files, by name, into `FOLDER` beside a robot's file in `folder`."""
     if meshes:
         (folder / FOLDER).mkdir(exist_ok=True)
     for name, content in meshes.items():
@@ -76,7 +76,7 @@ def parts_of(path: Path) -> Parts:
     """All surfaces of a mesh file.
 
     Raises:
-        JointplayError: it is of another format, cannot be read, or has no triangle.
+        JointplayError: the file is of another format, cannot be read, or has no triangle.
     """
     if path.suffix.lower() not in FORMATS:
         raise JointplayError(
@@ -91,7 +91,7 @@ def parts_of(path: Path) -> Parts:
 
 
 def readable(path: Path) -> Parts | None:
-    """All surfaces of a mesh file; None, with a warning why, if it cannot be read: others can."""
+    """All surfaces of a mesh file; None, with a warning, if it cannot be read."""
     try:
         return parts_of(path)
     except JointplayError as error:
@@ -100,7 +100,7 @@ def readable(path: Path) -> Parts | None:
 
 
 def _key(path: Path, data: bytes) -> str:
-    """Hash of the file, and of the colours that a .obj takes from files beside it."""
+    """Hash of a mesh file, and of the files beside it from which a .obj takes colours."""
     digest = hashlib.sha256(_VERSION + path.suffix.lower().encode() + data)
     if path.suffix.lower() == ".obj":
         for name in re.findall(rb"(?m)^mtllib\s+(.+?)\s*$", data):
@@ -111,11 +111,12 @@ def _key(path: Path, data: bytes) -> str:
 
 @lru_cache(maxsize=256)
 def _parts(path: Path, key: str) -> Parts:
+    """Surfaces from the cache, or from the file, which are then cached."""
     stored = files.cache_folder() / FOLDER / f"{key}.npz"
     with suppress(OSError, ValueError, LookupError):  # a damaged file is no file
         return _unpacked(stored)
     parts = _read(path)
-    with suppress(OSError, RuntimeError, JointplayError):  # no place to keep it
+    with suppress(OSError, RuntimeError, JointplayError):  # the cache cannot be written
         stored.parent.mkdir(parents=True, exist_ok=True)
         others = sorted(stored.parent.glob("*.npz"), key=lambda file: file.stat().st_mtime)
         for oldest in others[: _MOST_KEPT // 2] if len(others) >= _MOST_KEPT else ():
@@ -150,10 +151,11 @@ def _unpacked(path: Path) -> Parts:
 
 
 def _read(path: Path) -> Parts:
+    """Surfaces that trimesh reads from a file [m]."""
     import trimesh
 
     class Beside(trimesh.resolvers.FilePathResolver):
-        """Materials and pictures that a mesh names, read as carefully as itself."""
+        """Reader of materials and pictures that a mesh names, as careful as that of the mesh."""
 
         def get(self, name: str) -> bytes:
             return files.read_plain(Path(self.parent) / name.strip(), MOST_BYTES)
@@ -163,7 +165,7 @@ def _read(path: Path) -> Parts:
         kind = path.suffix.lower().removeprefix(".")
         scene: Any = trimesh.load_scene(data, file_type=kind, resolver=Beside(path))
         bodies = scene.dump()
-        # Metres in a unit of the scene, which only Collada tells, by a number or "meters".
+        # Metres in a unit of the scene, which only Collada states, by a number or "meters".
         unit = next((g.metadata.get("units") for g in scene.geometry.values()), None) or "1"
         number = NUMBER.match(str(unit).split()[0])
         size = float(number[0]) if number else 1.0
@@ -182,7 +184,7 @@ def _read(path: Path) -> Parts:
 
 
 def _colour(body: Any) -> Colour | None:
-    """Colour of a body of trimesh's; of a picture on it the mean."""
+    """Colour of a trimesh body, or the mean colour of a picture on it; None if it has neither."""
     looks = body.visual
     material = getattr(looks, "material", None)
     picture = getattr(material, "image", None) or getattr(material, "baseColorTexture", None)
@@ -200,9 +202,9 @@ def _colour(body: Any) -> Colour | None:
 
 
 def surface(points: np.ndarray, triangles: np.ndarray, colour: Colour | None = None) -> Surface:
-    """A part of `points` (n, 3) [m] and `triangles` (m, 3): equal points joined, unused ones gone.
+    """A surface of `points` (n, 3) [m] and `triangles` (m, 3), with equal points welded.
 
-    Triangles that joining makes lines are left out.
+    Points without a triangle, and triangles that welding makes lines, are left out.
     """
     used = np.asarray(points, float)[np.asarray(triangles, np.int64).reshape(-1)]
     if not len(used):

@@ -1,8 +1,12 @@
-"""Reading an MJCF: MuJoCo compiles it, and of what it compiled a URDF is made.
+"""Reading an MJCF: MuJoCo compiles it, and the compiled model becomes a URDF.
 
 Joints, frames and masses are MuJoCo's own, with its classes, angles and inertias of shapes; joints
-of one body become links one behind the other. What a URDF has no words for, play above all, is told
-in a scenario's words (`Description.tables`), what is left out in a line (`Description.notes`).
+of one body become links in series. What a URDF has no words for, play above all, is told in a
+scenario's words (`urdf.Beyond.tables`), what is left out in lines (`urdf.Beyond.notes`).
+
+`urdf_text` has a process with limits of time and memory do it, since MuJoCo reads whatever the file
+names; there `read` takes out of the MJCF what no inertia depends on, compiles it, and has
+`_Reading` write the URDF.
 """
 
 from __future__ import annotations
@@ -33,11 +37,11 @@ from jointplay.model import urdf
 from jointplay.model.elements import Element, document, origin_of, put, put_fixed, put_inertial
 
 WIDEST_PLAY = 0.1
-"""A second hinge about the same axis that turns no farther is the play of the first [rad]."""
+"""Range of a second hinge about the same axis up to which it is the play of the first [rad]."""
 _PARALLEL = 1e-6
-"""Distance of two axes that are one, and sine of the angle between them [m, 1]."""
+"""Distance of two axes, and sine of the angle between them, up to which they are one [m, 1]."""
 _UNBOUNDED = 1e3
-"""Error at which a servo's supply, which MuJoCo's actuators do not have, would end [rad or m]."""
+"""Error at which a servo's supply, which MuJoCo's actuators lack, would end [rad or m]."""
 _FINITE = (
     *("jnt_range", "jnt_stiffness", "qpos0", "qpos_spring", "dof_damping", "dof_frictionloss"),
     *("dof_armature", "body_pos", "body_quat", "body_mass", "body_inertia", "eq_data", "geom_size"),
@@ -49,26 +53,27 @@ _BESIDE = {
     "armature": "dof_armature", "damping": "dof_damping", "friction": "dof_frictionloss",
     "springs": "jnt_stiffness", "limits": "jnt_limited",
 }  # fmt: skip
-"""What a joint may have besides its freedom, and the arrays with it."""
+"""Properties of joints of which little is read (`notes`), and the compiled arrays with them."""
 TIME_S = 20.0
 """Longest processor time that reading an MJCF may take [s]; large robots take 2 s."""
 ROOM = 4e9
-"""Memory that it may take [bytes], addresses counted; large robots take a quarter."""
+"""Most memory that reading an MJCF may take [bytes], by addresses; large robots take a quarter."""
 _SHOWN = 30
-"""Letters that are shown of a text that nobody reads."""
+"""Letters of an unread text that notes show."""
 _MERGED = ("compiler", "option", "flag", "statistic", "size")
-"""Elements that MuJoCo makes one of, wherever they stand."""
+"""Elements that MuJoCo merges into one, wherever they stand."""
 _MAY_BE_BLANK = ("name", "meshdir", "texturedir", "assetdir", "user", "data")
+"""Attributes that mean something when they are empty."""
 _FILE = re.compile(r"""\bfile\s*=\s*["']([^"'<>]+)["']""")
 _FOLDER = re.compile(r"""\b(?:mesh|texture|asset)dir\s*=\s*["']([^"'<>]+)["']""")
 _LFS = b"version https://git-lfs"
-"""What stands in a file whose content was left elsewhere."""
+"""Beginning of a Git LFS pointer, in place of a file's content."""
 _COLLISION_GROUP = 3
-"""Group of geoms from which on MuJoCo's viewer shows none."""
+"""Least group of geoms that MuJoCo's viewer does not show by default."""
 
 
 def load_mujoco() -> Any:
-    """The package mujoco; its warnings are logged, not written to a file in the working folder."""
+    """Import MuJoCo; its warnings are logged, not written to a file in the working folder."""
     with extra("simulators", "mujoco"):
         import mujoco
     if mujoco.get_mju_user_warning() is None:
@@ -77,7 +82,7 @@ def load_mujoco() -> Any:
 
 
 def load_spec(path: Path) -> Any:
-    """An MJCF as MuJoCo's `MjSpec`, all its bodies and joints with names.
+    """An MJCF as MuJoCo's `MjSpec`, with names for all bodies and joints.
 
     Raises:
         JointplayError: MuJoCo is not installed, or cannot read the file.
@@ -97,7 +102,7 @@ def load_spec(path: Path) -> Any:
 
 
 def compiled(spec: Any, path: Path) -> Any:
-    """The model of an MJCF.
+    """MuJoCo's compiled model of an MJCF.
 
     Raises:
         JointplayError: MuJoCo cannot compile it.
@@ -114,7 +119,7 @@ def _refused(path: Path, error: Exception) -> JointplayError:
 
 
 def _unused(name: str, names: set[str]) -> str:
-    """The name, or with a number behind it, that is not taken; it is then."""
+    """The name, with a number behind it if it is among `names`, to which it is added."""
     number, base = 2, name
     while name in names:
         name, number = f"{base}_{number}", number + 1
@@ -123,7 +128,7 @@ def _unused(name: str, names: set[str]) -> str:
 
 
 def urdf_text(text: str, path: Path) -> str:
-    """The robot of an MJCF, `path`, as a URDF; made once as long as no file of text changes.
+    """The robot of an MJCF as a URDF; converted once as long as no file of text changes.
 
     MuJoCo reads the file and those that it includes in a process with limits of time and memory.
 
@@ -139,7 +144,7 @@ def urdf_text(text: str, path: Path) -> str:
 
 
 def _named_files(text: str, path: Path, seen: set[Path]) -> Iterator[tuple[str, int, int]]:
-    """Files of text that an MJCF is made of: name, time of the last change [ns], size [bytes]."""
+    """Files of text that an MJCF includes: name, time of the last change [ns], size [bytes]."""
     folders = {"", *_FOLDER.findall(text)}
     yield str(path), path.stat().st_mtime_ns, path.stat().st_size
     for name in dict.fromkeys(_FILE.findall(text)):
@@ -155,14 +160,15 @@ def _named_files(text: str, path: Path, seen: set[Path]) -> Iterator[tuple[str, 
 
 @lru_cache(maxsize=8)
 def _read_apart(path: Path, stamps: tuple[tuple[str, int, int], ...]) -> str:
-    return told_apart(__name__, path)
+    """`read` in a process of its own; again if the files' `stamps` are others."""
+    return convert_apart(__name__, path)
 
 
-def told_apart(module: str, path: Path) -> str:
-    """What a module's `serve` tells of an MJCF by `tell`, in a process with limits.
+def convert_apart(module: str, path: Path) -> str:
+    """The text that a module's `serve` makes of an MJCF, in a process with limits; see `report`.
 
     Raises:
-        JointplayError: it is a fault, or the limits were reached.
+        JointplayError: the process reported a fault, or reached its limits.
     """
     with confined.process(module, path, TIME_S, min(ROOM, confined.memory())) as process:
         assert process.stdout
@@ -179,14 +185,14 @@ def told_apart(module: str, path: Path) -> str:
 
 
 def serve(path: str) -> None:
-    """What the process does: it tells the URDF."""
-    tell(path, read)
+    """Main function of the process: write the URDF to standard output."""
+    report(path, read)
 
 
-def tell(path: str, find: Callable[[Path], str]) -> None:
-    """Write what is found of an MJCF, or what is wrong, to standard output, and end."""
+def report(path: str, convert: Callable[[Path], str]) -> None:
+    """Write what `convert` makes of an MJCF, or a fault, to standard output as JSON, and exit."""
     try:
-        answer = {"text": find(Path(path))}
+        answer = {"text": convert(Path(path))}
     except JointplayError as error:
         answer = {"fault": str(error)}
     except (MemoryError, RuntimeError):  # which MuJoCo raises if it gets no memory
@@ -211,7 +217,7 @@ def read(path: Path) -> str:
     spec = load_spec(path)
     meshes = _lighten(spec, path)
     model = compiled(spec, path)
-    if odd := [w for w in warnings if "NaN" in w]:  # it would take it as not given
+    if odd := [w for w in warnings if "NaN" in w]:  # MuJoCo would take it as not given
         raise JointplayError(f"the MJCF {str(path)!r} has a number that is not finite: {odd[0]}")
     for name in _FINITE:
         if not (np.abs(getattr(model, name)) <= LARGEST).all():
@@ -225,7 +231,7 @@ def read(path: Path) -> str:
 
 
 def _passed_over(path: Path) -> Iterator[str]:
-    """What MuJoCo does not read of a file's XML and says nothing of, a line each."""
+    """Notes on what MuJoCo does not read of a file's XML without saying so."""
     try:
         root = ElementTree.fromstring(read_text(path, "MJCF"))
     except (ElementTree.ParseError, ValueError) as error:
@@ -258,7 +264,7 @@ def _passed_over(path: Path) -> Iterator[str]:
 
 
 def _values(elements: Iterable[ElementTree.Element]) -> dict[str, set[str]]:
-    """Different values of each attribute of elements."""
+    """Set of values of each attribute of some elements, by attribute."""
     values: dict[str, set[str]] = {}
     for element in elements:
         for name, value in element.attrib.items():
@@ -268,32 +274,34 @@ def _values(elements: Iterable[ElementTree.Element]) -> dict[str, set[str]]:
 
 @dataclass(frozen=True)
 class _Mesh:
-    """The file of a picture."""
+    """A mesh file that a geom shows."""
 
     file: str
     scale: np.ndarray
     place: pin.SE3
-    """In the frame of the geom that MuJoCo compiled."""
+    """Pose of the mesh in the frame of the geom, if MuJoCo does not compile the mesh."""
 
 
 def asset_path(spec: Any, path: Path, folder: str, file: str) -> Path:
-    """Where a file lies that an MJCF names."""
+    """Path of a file that an MJCF names, in its `folder` for meshes or textures."""
     name = Path(file).name if spec.strippath else file
     return Path(spec.modelfiledir or path.parent) / folder / name
 
 
 def _lighten(spec: Any, path: Path) -> list[tuple[Any, _Mesh]]:
-    """Take out of a spec what gives no body its inertia: meshes, textures and the like.
+    """Take out of a spec all that no body's inertia depends on: meshes, textures and the like.
+
+    Geoms of meshes that are taken out become tiny spheres without mass.
 
     Returns:
-        Each geom with a mesh that is a file, and what it shows.
+        The geoms whose mesh is a file, each with its mesh.
     """
     kinds, shapes = load_mujoco().mjtGeom, load_mujoco().mjtGeomInertia
     spec.compiler.discardvisual = spec.compiler.fusestatic = False
     meshes = {mesh.name or Path(mesh.file).stem: mesh for mesh in spec.meshes}
     needed, shown = set(), []
     for geom in list(spec.geoms):
-        if geom.hfieldname:
+        if geom.hfieldname:  # terrain
             spec.delete(geom)
         if geom.hfieldname or not geom.meshname:
             continue
@@ -312,6 +320,7 @@ def _lighten(spec: Any, path: Path) -> list[tuple[Any, _Mesh]]:
                 )
             needed.add(name)
             continue
+        # The geom stays, for the picture of its mesh is placed by it; only its shape goes.
         geom.type, geom.meshname, geom.mass = kinds.mjGEOM_SPHERE, "", 0.0
         geom.size, geom.typeinertia = [1e-3, 0.0, 0.0], shapes.mjINERTIA_VOLUME
     for material in spec.materials:
@@ -324,7 +333,7 @@ def _lighten(spec: Any, path: Path) -> list[tuple[Any, _Mesh]]:
 
 
 def _gives_inertia(spec: Any, geom: Any) -> bool:
-    """Whether a body that moves, or the sum of all masses, takes its inertia from a geom."""
+    """Whether a body that moves, or the total mass, takes inertia from a geom; see `compiler`."""
     how, body = load_mujoco().mjtInertiaFromGeom, geom.parent
     wanted = spec.compiler.inertiafromgeom
     if wanted == how.mjINERTIAFROMGEOM_FALSE:
@@ -342,13 +351,13 @@ def _gives_inertia(spec: Any, geom: Any) -> bool:
 
 
 def _rotation(quaternion: Any) -> np.ndarray:
-    """Of MuJoCo's quaternion, w first."""
+    """Rotation matrix of MuJoCo's quaternion, w first."""
     w, x, y, z = np.asarray(quaternion) / np.linalg.norm(quaternion)
     return pin.Quaternion(w, x, y, z).toRotationMatrix()
 
 
 def placed(position: Any, quaternion: Any) -> pin.SE3:
-    """What MuJoCo says by a position and a quaternion, w first."""
+    """Pose by MuJoCo's position and quaternion, w first."""
     return pin.SE3(_rotation(quaternion), np.array(position))
 
 
@@ -357,26 +366,34 @@ class _Play:
     """A hinge that is the play of another."""
 
     hinge: int
+    """Number of this hinge."""
     width: float
-    """[rad]."""
+    """Free angle between its stops [rad]."""
     stiffness: float
-    """Of what stops it [N m/rad]."""
+    """Stiffness of its stops [N m/rad]."""
     damping: float
-    """[N m s/rad]."""
+    """Damping of its stops [N m s/rad]."""
 
 
 @dataclass
 class _Reading:
-    """A compiled MJCF on its way to a URDF."""
+    """A compiled MJCF on its way to a URDF.
+
+    First it is decided which bodies are the robot, and what its joints, drives, plays and mimics
+    are; then `text` writes the URDF, and fills `tables`, `armature` and `remarks`.
+    """
 
     mujoco: Any
     model: Any
     path: Path
     pictures: dict[int, _Mesh]
-    """By geom."""
+    """Mesh files by geom."""
     tables: dict[str, Any] = field(default_factory=dict)
+    """Tables of a scenario (`urdf.Beyond.tables`)."""
     armature: dict[str, float] = field(default_factory=dict)
+    """Rotors rigidly geared to joints (`urdf.Beyond.armature`)."""
     remarks: list[str] = field(default_factory=list)
+    """Notes that come up on the way."""
 
     def __post_init__(self) -> None:
         model, kinds = self.model, self.mujoco.mjtJoint
@@ -385,6 +402,7 @@ class _Reading:
         self.types = [kinds(kind) for kind in model.jnt_type]
         moves = [kind != kinds.mjJNT_FREE for kind in self.types]
         self.names = {*self.body_names, *compress(self.joint_names, moves), urdf.GROUND}
+        # The robot: trees that are held, if anything in them moves; else the largest free tree.
         tops = [i for i in range(1, model.nbody) if model.body_parentid[i] == 0]
         tops = [i for i in tops if model.body_mocapid[i] < 0]
         free = [i for i in tops if kinds.mjJNT_FREE in map(self.types.__getitem__, self._joints(i))]
@@ -403,10 +421,11 @@ class _Reading:
             j for i in self.bodies for j in self._joints(i) if self.types[j] != kinds.mjJNT_FREE
         ]
         self.drives = dict(self._position_drives())
+        # Hinges that are the play of others are no joints of their own.
         self.play: dict[int, _Play] = {}
         for i in self.bodies:
             self.play.update(self._play_in(i))
-        hidden = {hinged.hinge for hinged in self.play.values()}
+        hidden = {play.hinge for play in self.play.values()}
         self.joints = [j for j in self.joints if j not in hidden]
         self.mimics = self._mimics()
         self.passive = {*self._not_acted_on()}
@@ -428,7 +447,10 @@ class _Reading:
     # Play, drives, equalities.
 
     def _play_in(self, body: int) -> Iterator[tuple[int, _Play]]:
-        """Joints of a body with the hinge behind or before each that is its play."""
+        """Joints of a body with play, each with the neighbouring hinge that is its play.
+
+        That hinge is free between stops, undriven, and has the same axis.
+        """
         hinge = self.mujoco.mjtJoint.mjJNT_HINGE
         hinges = [j for j in self._joints(body) if self.types[j] == hinge]
         loose = {j: play for j in hinges if j not in self.drives and (play := self._dead_band(j))}
@@ -445,9 +467,10 @@ class _Reading:
                 yield near[0], play
 
     def _dead_band(self, joint: int) -> _Play | None:
-        """Free way of a hinge between stops: its own, or those of a tendon of it alone."""
+        """A hinge as play between stops, its own or those of a tendon on it alone, if any."""
         model, tendons = self.model, self.mujoco.mjtWrap.mjWRAP_JOINT
         inertia = 1.0 / float(model.dof_invweight0[self._dof(joint)])
+        # A tendon on this joint alone: slack between two lengths of its spring, or limited.
         for t in range(model.ntendon):
             at = int(model.tendon_adr[t])
             if model.tendon_num[t] != 1 or model.wrap_type[at] != tendons:
@@ -470,7 +493,10 @@ class _Reading:
         return _Play(joint, float(np.ptp(model.jnt_range[joint])), *_stop(*solver, inertia))
 
     def _position_drives(self) -> Iterator[tuple[int, dict[str, Any]]]:
-        """PD actuators as servos, by joint: 1 V stands for 1 N m or 1 N."""
+        """Position actuators as servos, by joint: 1 V stands for 1 N m or 1 N.
+
+        Actuators on one joint add up; several are left out if limits cut each by itself.
+        """
         model = self.model
         self.undriven: dict[str, list[str]] = {}
         by_joint: dict[int, list[int]] = {}
@@ -490,7 +516,7 @@ class _Reading:
             yield joint, self._servo(joint, actuators)
 
     def _not_acted_on(self) -> Iterator[int]:
-        """Joints without actuator, in a robot that has some: they are free in MuJoCo."""
+        """Joints on which no actuator acts, in a robot with actuators: they are free in MuJoCo."""
         mujoco, model = self.mujoco, self.model
         if not model.nu:
             return
@@ -506,11 +532,12 @@ class _Reading:
                 yield j
 
     def _leave(self, reason: str, actuator: int) -> None:
+        """Note an actuator that is left out, and the reason."""
         name = self.model.actuator(actuator).name or f"actuator {actuator + 1}"
         self.undriven.setdefault(reason, []).append(name)
 
     def _not_driven(self, i: int) -> str:
-        """Why an actuator is no servo of a joint; empty if it is one."""
+        """The reason why an actuator is no servo of a joint; empty if it is one."""
         model, mujoco, kinds = self.model, self.mujoco, self.mujoco.mjtTrn
         kind, joint = kinds(model.actuator_trntype[i]), int(model.actuator_trnid[i, 0])
         if kind not in (kinds.mjTRN_JOINT, kinds.mjTRN_JOINTINPARENT):
@@ -535,12 +562,17 @@ class _Reading:
         return ""
 
     def _clamps(self, actuator: int) -> bool:
-        """Whether the control of an actuator is cut to its range."""
+        """Whether the control of an actuator is clamped to its range."""
         off = self.model.opt.disableflags & self.mujoco.mjtDisableBit.mjDSBL_CLAMPCTRL
         return bool(self.model.actuator_ctrllimited[actuator]) and not off
 
     def _servo(self, joint: int, actuators: Sequence[int]) -> dict[str, Any]:
-        """The servo that actuators of one joint make together, all with the same goal."""
+        """The servo that the actuators of one joint are together, all with the same goal.
+
+        A position actuator's force is -k (q - goal) - d v. As a servo of 1 V per N m: the
+        proportional gain is k, and its back EMF brakes by torque_constant^2 / resistance = d. The
+        servo's supply is out of reach (`_UNBOUNDED`).
+        """
         model = self.model
         gears = model.actuator_gear[actuators, 0]
         _, stiffness, damping = (-model.actuator_biasprm[actuators, :3].T * gears**2).sum(1)
@@ -575,10 +607,10 @@ class _Reading:
         return servo
 
     def _mimics(self) -> dict[int, tuple[int, float, float]]:
-        """Joints that follow others in proportion: leader, factor and offset."""
+        """Joints that follow others linearly, by equalities: leader, factor and offset by joint."""
         model, followers = self.model, {}
         self.equalities: list[str] = []
-        hidden = {hinged.hinge: joint for joint, hinged in self.play.items()}
+        hidden = {play.hinge: joint for joint, play in self.play.items()}
         if model.opt.disableflags & self.mujoco.mjtDisableBit.mjDSBL_EQUALITY:
             return {}
         for i in range(model.neq):
@@ -604,10 +636,10 @@ class _Reading:
         return followers
 
     def _leave_equality(self, i: int, kind: Any) -> None:
-        """Name an equality of what is left out.
+        """Note an equality that is left out.
 
         Raises:
-            JointplayError: it is one of the robot, which without it would be another.
+            JointplayError: it acts on the robot, which would be another without it.
         """
         kinds, model = self.mujoco.mjtEq, self.model
         word = kind.name.removeprefix("mjEQ_").lower()
@@ -621,7 +653,7 @@ class _Reading:
             names, acts = [self.body_names[b] for b in ends], bool({*ends} & {*self.bodies})
         elif kind == kinds.mjEQ_TENDON:
             names = [model.tendon(t).name for t in ends]
-        else:  # of what bends
+        else:  # of flexes
             acts = False
         if not acts:
             self.equalities.append(word)
@@ -637,7 +669,7 @@ class _Reading:
     # The URDF.
 
     def text(self) -> str:
-        """The URDF; `tables` are filled."""
+        """Write the URDF, with what it has no words for; fills `tables` on the way."""
         base = _unused("floating_base", self.names) if self.floats else "world"
         root = Element("robot", {"name": self.path.stem})
         link = put(root, "link", name=base)
@@ -655,7 +687,7 @@ class _Reading:
             self.tables.setdefault("robot", {})["gravity"] = [float(value) for value in gravity]
         self._fill_tables()
         named = self.joint_names
-        hinges = {named[joint]: named[hinged.hinge] for joint, hinged in self.play.items()}
+        hinges = {named[joint]: named[play.hinge] for joint, play in self.play.items()}
         beyond = {
             "tables": self.tables,
             "notes": list(self.notes()),
@@ -666,7 +698,10 @@ class _Reading:
         return document(root)
 
     def _inertias(self) -> list[pin.Inertia]:
-        """Of each body in its frame; points that are fixed to another body are in its inertia."""
+        """Inertia of each body in its frame.
+
+        Bodies fixed to others whose inertia has a zero, such as point masses, count to the other's.
+        """
         model, inertias = self.model, [pin.Inertia.Zero()]
         for i in range(1, model.nbody):
             axes = placed(model.body_ipos[i], model.body_iquat[i])
@@ -683,6 +718,11 @@ class _Reading:
     def _put_body(
         self, root: Element, body: int, base: str, inertias: Sequence[pin.Inertia]
     ) -> None:
+        """Append a body: a link for each of its joints in series, and frames for its sites.
+
+        A joint turns about its anchor, which is where a URDF has the child's frame. Only a last
+        joint whose anchor is the body's origin leads to the body's own link directly.
+        """
         model, name = self.model, self.body_names[body]
         above = int(model.body_parentid[body])
         parent = self.body_names[above] if above else base
@@ -737,7 +777,8 @@ class _Reading:
         low, high = model.jnt_range[joint] if limited else (0.0, 0.0)
         effort = np.abs(model.jnt_actfrcrange[joint]).min() if model.jnt_actfrclimited[joint] else 0
         put(element, "limit", lower=low, upper=high, effort=effort, velocity=0.0)
-        before_play = joint in self.play and joint in self.drives  # its servo has them
+        # Friction before a play acts on the motor: there the servo has it.
+        before_play = joint in self.play and joint in self.drives
         losses = {} if before_play else self._losses(joint)
         put(
             element, "dynamics",
@@ -749,13 +790,14 @@ class _Reading:
             put(element, "mimic", joint=self.joint_names[leader], **follows)
 
     def _losses(self, joint: int) -> dict[str, float]:
-        """Friction of a joint, by a servo's words."""
+        """Friction of a joint, by the fields of a servo."""
         return {
             "friction": self._loss("frictionloss", joint),
             "viscous": self._loss("damping", joint),
         }
 
     def _put_shapes(self, link: Element, body: int) -> None:
+        """Append a body's geoms as visual and collision shapes."""
         model = self.model
         for g in np.flatnonzero(model.geom_bodyid == body):
             tags = ["visual"] * bool(model.geom_group[g] < _COLLISION_GROUP)
@@ -772,7 +814,7 @@ class _Reading:
                         put(looks, "color", rgba=colour)
 
     def _shapes(self, geom: int) -> Iterator[tuple[pin.SE3, str, dict[str, Any]]]:
-        """Shapes of a URDF that a geom is made of; none of one that is endless or odd."""
+        """URDF shapes that make up a geom: pose, tag, attributes; none for planes and the like."""
         model, kinds = self.model, self.mujoco.mjtGeom
         place = placed(model.geom_pos[geom], model.geom_quat[geom])
         size, kind = model.geom_size[geom], kinds(model.geom_type[geom])
@@ -796,9 +838,10 @@ class _Reading:
         elif kind == kinds.mjGEOM_BOX:
             yield place, "box", {"size": 2.0 * size}
 
-    # What a scenario says.
+    # Tables of a scenario, and notes.
 
     def _fill_tables(self) -> None:
+        """Fill `tables` with balls, gears, drives and springs, and `armature`."""
         model, named = self.model, self.joint_names
         gears, drives, balls, springs = ({} for _ in range(4))
         for j in self.joints:
@@ -829,12 +872,12 @@ class _Reading:
         self.tables.update({table: rows for table, rows in filled.items() if rows})
 
     def notes(self) -> Iterator[str]:
-        """What was read besides the tree, and what was not, a line each."""
+        """Notes on what was read besides the tree, and on what was not."""
         model, named = self.model, self.joint_names
         if self.play:
             parts: dict[str, list[str]] = {}
-            for j, hinged in self.play.items():
-                parts.setdefault(f"{math.degrees(hinged.width):.3g} deg", []).append(named[j])
+            for j, play in self.play.items():
+                parts.setdefault(f"{math.degrees(play.width):.3g} deg", []).append(named[j])
             widths = "; ".join(f"{width} in {few(names)}" for width, names in parts.items())
             yield f"note: the MJCF has backlash, here of gears as stiff as its stops: {widths}"
         if driven := [named[j] for j in self.joints if j in self.drives and j not in self.mimics]:
@@ -859,7 +902,7 @@ class _Reading:
         ]
         if turned:
             yield f"note: a range from above to below is none in MuJoCo: {few(turned)}"
-        tendons = sum(hinged.hinge in self._wrapped() for hinged in self.play.values())
+        tendons = sum(play.hinge in self._wrapped() for play in self.play.values())
         left = {
             "contacts": any(model.geom_contype) or any(model.geom_conaffinity),
             "tendons": model.ntendon > tendons,
@@ -876,9 +919,11 @@ class _Reading:
         for group, joints in self._of_which_little_is_read().items():
             for word, array in _BESIDE.items():
                 left[f"{word} of {group}"] = any(self._has(array, j) for j in joints)
-        if all(self._loss("armature", j) == 0.0 for j in self.play):  # else that of the hinge is it
+        # The limits of a hinge of play are the play; its armature is the rotor's, if the joint has
+        # none.
+        if all(self._loss("armature", j) == 0.0 for j in self.play):
             left["armature of hinges of play"] = False
-        left["limits of hinges of play"] = False  # which are the play
+        left["limits of hinges of play"] = False
         left["that springs and friction stand before the play"] = any(
             self._has("jnt_stiffness", j)
             or (j not in self.drives and any(self._losses(j).values()))
@@ -895,24 +940,24 @@ class _Reading:
             yield f"note: not read of the MJCF: {', '.join(unread)}"
 
     def _of_which_little_is_read(self) -> dict[str, list[int]]:
-        """Joints of whose losses, springs and limits nothing is read, by what they are."""
+        """Joints whose losses, springs and limits are not read, by a word for what they are."""
         ball, free = self.mujoco.mjtJoint.mjJNT_BALL, self.mujoco.mjtJoint.mjJNT_FREE
         return {
             "balls": [j for j in self.joints if self.types[j] == ball],
             "the free base": [
                 j for i in self.bodies for j in self._joints(i) if self.types[j] == free
             ],
-            "hinges of play": [hinged.hinge for hinged in self.play.values()],
+            "hinges of play": [play.hinge for play in self.play.values()],
         }
 
     def _has(self, array: str, joint: int) -> bool:
-        """Whether a joint has something of an array, of joints or of their freedoms."""
+        """Whether a joint's entry in a compiled array, by joint or by freedom, is not zero."""
         values = getattr(self.model, array)
         row = joint if array.startswith("jnt") else self._dof(joint)
         return bool(values.reshape(len(values), -1)[row, 0])
 
     def _wrapped(self) -> set[int]:
-        """Joints that have a tendon of their own."""
+        """Joints that have a tendon for themselves."""
         model = self.model
         alone = model.tendon_adr[model.tendon_num == 1]
         joints = model.wrap_type[alone] == self.mujoco.mjtWrap.mjWRAP_JOINT
@@ -920,10 +965,11 @@ class _Reading:
 
 
 def _stop(solref: Any, solimp: Any, inertia: float) -> tuple[float, float]:
-    """Stiffness [N m/rad] and damping [N m s/rad] of MuJoCo's soft stop that holds an inertia.
+    """Stiffness [N m/rad] and damping [N m s/rad] of MuJoCo's soft stop for an inertia [kg m2].
 
-    MuJoCo's constraint: a + d (b v + k r) = (1 - d) a0, r the depth; so a load at rest sinks in by
-    a0 (1 - d) / (d k).
+    MuJoCo's constraint is a + d (b v + k r) = (1 - d) a0, with the depth r, the impedance d and the
+    acceleration a0 without the stop. At rest a load J a0 sinks in by r = a0 (1 - d) / (d k): the
+    stop is a spring of J k d / (1 - d).
     """
     impedance = float(solimp[0])
     most = float(solimp[1])

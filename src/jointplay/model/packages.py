@@ -8,13 +8,13 @@ import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
 ABOVE = 6
-"""So many folders above a file are searched."""
+"""Number of folders above a file that are searched."""
 VARIABLES = {"ROS_PACKAGE_PATH": "", "AMENT_PREFIX_PATH": "share"}
-"""Environment variables of ROS 1 and 2 with folders of packages, and where packages lie in them."""
+"""Environment variables of ROS 1 and 2 that list folders, and where packages lie in these."""
 
 
 def search_path(file: Path) -> list[Path]:
-    """Folders in which, and in whose folders, packages are looked for: those above `file` first."""
+    """Folders in which packages are looked for, and in whose folders: those above `file` first."""
     folders = list(file.resolve().parents)[:ABOVE]
     for variable, inside in VARIABLES.items():
         entries = filter(None, os.environ.get(variable, "").split(os.pathsep))
@@ -25,7 +25,7 @@ def search_path(file: Path) -> list[Path]:
 def find(name: str, file: Path) -> Path | None:
     """Folder of the package `name` that a robot's `file` uses; None if it is not found.
 
-    A package is called as its package.xml says; without one, as its folder.
+    A package has the name that its package.xml states; without one, that of its folder.
     """
     if not re.fullmatch(r"[\w-]+", name):
         return None
@@ -39,6 +39,7 @@ def find(name: str, file: Path) -> Path | None:
 
 
 def _name(folder: Path) -> str:
+    """Name of the package in a folder."""
     try:
         text = ElementTree.parse(folder / "package.xml").getroot().findtext("name", "")
     except (OSError, ElementTree.ParseError):

@@ -35,13 +35,13 @@ class Payload(Described):
     mass: Quantity = quantity("kg", least=0.0, label="payload mass")
     """Mass [kg]; 0: no payload."""
     pick: Quantity = quantity("s", default=0.0, least=0.0, label="payload pick time")
-    """Time at which it is picked up [s]; a payload picked up at 0 is there from the start."""
+    """Time of picking up [s]; a payload picked up at 0 is there from the start."""
     release: OptionalQuantity = quantity("s", default=None, label="payload release time")
-    """Time at which it is released [s]; None: never."""
+    """Time of release [s]; None: never."""
     centre: Vector = quantity("m", default=(0.0, 0.0, 0.0), label="payload centre")
     """Centre of mass in the frame [m]."""
     inertia: Vector = quantity("kg*m^2", default=(0.0, 0.0, 0.0), label="payload inertia")
-    """Moments of inertia about it, along the frame's axes [kg m^2]."""
+    """Moments of inertia about the centre of mass, along the frame's axes [kg m^2]."""
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -60,7 +60,7 @@ class Payload(Described):
 
     @property
     def body(self) -> pin.Inertia:
-        """Inertia in the frame that holds it."""
+        """Inertia of the payload in the frame that holds it."""
         import pinocchio as pin
 
         return pin.Inertia(self.mass, np.array(self.centre), np.diag(self.inertia))
@@ -71,8 +71,9 @@ def velocity_after_pick(
 ) -> np.ndarray:
     """Velocity (nv,) after a plastic impact with a body at rest that is then part of the mechanism.
 
-    v of M_after v = M_before v_before + forbidden^T impulse; `forbidden` is the Jacobian (rows, nv)
-    of ideal loops, velocities that stay zero.
+    It solves M_after v = M_before v_before + forbidden^T impulse, forbidden v = 0, where
+    `forbidden` (rows, nv) is the Jacobian of ideal loops. Least squares, as its rows may be
+    redundant.
     """
     import pinocchio as pin
 

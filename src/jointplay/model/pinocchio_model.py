@@ -1,4 +1,4 @@
-"""A robot that is a Pinocchio model already: its placements, inertias and limits as a URDF."""
+"""Robots given as Pinocchio models: their placements, inertias and limits as a URDF."""
 
 from __future__ import annotations
 
@@ -12,20 +12,18 @@ import pinocchio as pin
 from jointplay.base.errors import JointplayError
 from jointplay.model import urdf
 from jointplay.model.elements import document, origin_of, put, put_fixed, put_inertial
-from jointplay.model.frames import motions
+from jointplay.model.frames import single_axis
 
-_TURNS = ("JointModelR", "JointModelRevolute")
-_SLIDES = ("JointModelP", "JointModelPrismatic")
 _WITHOUT_LIMITS = "JointModelRU"
-"""Revolute joints with two coordinates, which know no limits (``RUBX`` and the like)."""
+"""Prefix of revolute joints with two coordinates, which have no limits (``RUBX`` and the like)."""
 
 
 def description_of_model(
     model: pin.Model, allow_unphysical: tuple[str, ...] = ()
 ) -> urdf.Description:
-    """The description of a model: a link for each joint, and one for each frame of a body.
+    """Describe a model by a URDF: a link for each joint, and one for each frame of a body.
 
-    What a URDF does not have is kept beside it: gravity, and armature (`model.armature`).
+    What a URDF does not have is kept in `urdf.Beyond`: gravity, and armature (`model.armature`).
 
     Raises:
         JointplayError: a joint that neither turns about an axis nor slides along it; a mimicking
@@ -61,7 +59,7 @@ def description_of_model(
 
 
 def _links_of(model: pin.Model) -> list[str]:
-    """Name of the link that each joint carries: its body's frame at its origin, or after it."""
+    """Name of the link that each joint carries: its body's frame at the origin, or JOINT_link."""
     links: dict[int, str] = {}
     for frame in model.frames:
         if frame.type == pin.FrameType.BODY and frame.placement.isIdentity(1e-12):
@@ -77,14 +75,14 @@ def _put_joint(
     root: ElementTree.Element, model: pin.Model, data: pin.Data, index: int, carriers: list[str]
 ) -> None:
     name, joint = model.names[index], model.joints[index]
-    kind = joint.shortname()
-    if not kind.startswith(_TURNS + _SLIDES) or joint.nv != 1:
+    kind, single = joint.shortname(), single_axis(model, data, index)
+    if single is None:
         raise JointplayError(
             f"joint {name!r} of the Pinocchio model is a {kind.removeprefix('JointModel')}; only "
             "joints that turn about one axis or slide along one can be taken"
         )
-    slides = kind.startswith(_SLIDES)
-    free = kind.startswith(_WITHOUT_LIMITS)
+    axis, slides = single
+    free = kind.startswith(_WITHOUT_LIMITS)  # its place in q holds a cosine and a sine
     row, at = joint.idx_v, joint.idx_q
     limits = {"effort": model.effortLimit[row], "velocity": model.velocityLimit[row]}
     low, high = np.nan, np.nan
@@ -96,8 +94,7 @@ def _put_joint(
     element.append(origin_of(model.jointPlacements[index]))
     put(element, "parent", link=carriers[model.parents[index]])
     put(element, "child", link=carriers[index])
-    (axis,) = motions(model, data, index)
-    put(element, "axis", xyz=axis[:3] if slides else axis[3:])
+    put(element, "axis", xyz=axis)
     limits |= {"lower": low, "upper": high} if ends else {}
     limits = {key: x for key, x in limits.items() if np.isfinite(x) and abs(x) < 1e300}
     if limits:

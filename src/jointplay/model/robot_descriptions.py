@@ -1,7 +1,7 @@
 """Robots of the package robot_descriptions: git clones at pinned commits, in the user's cache.
 
-Its modules clone what is not there as soon as they are imported. Here nothing is downloaded: what
-is missing is said, with the command of the package that downloads it.
+The package's modules clone what is missing as soon as they are imported. Here nothing is
+downloaded: an error says what is missing, and the package's command that downloads it.
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ _MJCF = ("MJCF_PATH", "URDF_PATH", "XACRO_PATH")
 
 
 class _MissingError(Exception):
-    """A clone that the cache does not have."""
+    """A clone is missing in the cache."""
 
 
 def names() -> tuple[str, ...]:
-    """Names of all descriptions; none if the package is not installed."""
+    """Names of all robots of the package; none if it is not installed."""
     try:
         return tuple(import_module(PACKAGE).DESCRIPTIONS)
     except ImportError:
@@ -37,13 +37,13 @@ def names() -> tuple[str, ...]:
 
 
 def full_name(name: str) -> str | None:
-    """The description of a robot, with or without ``_description``; None if there is none."""
+    """Name in the package of a robot, given with or without ``_description``; None without it."""
     normalized = name.lower().replace("-", "_")
     return next((n for n in (normalized, normalized + _SUFFIX) if n in names()), None)
 
 
 def find(name: str) -> tuple[Path, dict[str, str]]:
-    """File of a robot, a URDF, a xacro or an MJCF, and the usual arguments of a xacro.
+    """File of a robot, a URDF, xacro or MJCF, and the default arguments of a xacro.
 
     Raises:
         JointplayError: the package is not installed, or the cache does not have the robot's files.
@@ -68,7 +68,7 @@ def find(name: str) -> tuple[Path, dict[str, str]]:
 
 
 def _imported(name: str) -> ModuleType:
-    """Module of a description, imported so that it clones nothing."""
+    """Module of a robot, imported so that it clones nothing."""
     module = f"{PACKAGE}.{name}"
     if module in sys.modules:
         return sys.modules[module]
@@ -89,14 +89,14 @@ def _imported(name: str) -> ModuleType:
 
     cache.clone_to_directory = from_cache
     try:
-        with warnings.catch_warnings(action="ignore"):  # of what comes in a later release
+        with warnings.catch_warnings(action="ignore"):  # announcements of a later release
             return import_module(module)
     except _MissingError as error:
         raise JointplayError(
             f"the files of {name} are not in the cache of {PACKAGE} ({error}); download them with: "
             f"python -m {PACKAGE} pull {name}"
         ) from None
-    except Exception as error:  # noqa: BLE001 - modules of others, which edit files
+    except Exception as error:  # noqa: BLE001 - others' modules, which edit files
         raise JointplayError(f"{PREFIX}{name} cannot be used: {error}") from None
     finally:
         cache.clone_to_directory = clone

@@ -1,7 +1,7 @@
-"""Robots in a list: their joints, and what is not as it should be.
+"""The list of robots: their joints, and what is not as it should be.
 
-Each is loaded to find out, which takes seconds for all: the list is kept in the user's cache until
-a robot's file, this package or Pinocchio is another.
+Each robot is loaded for it, which takes seconds for all: the list is kept in the user's cache until
+a robot's file, this package or Pinocchio changes.
 """
 
 from __future__ import annotations
@@ -20,16 +20,16 @@ _PACKAGE = Path(__file__).parents[1]
 
 
 def listed(names: Iterable[str]) -> str:
-    """Arms, then the others; see `Survey.brief`."""
+    """Text on the robots with these names: arms, then others; see `Survey.brief`."""
     places = [robots.with_package(name) for name in names]
     kept = files.cache_folder() / "robots.txt"
     state = _state([robots.source_of(place).path for place in places])
-    with suppress(OSError, ValueError):  # none, or not text
+    with suppress(OSError, ValueError):  # no list there, or a damaged one
         seal, _, text = files.read_plain(kept, files.MOST_TEXT).decode().partition("\n")
         if seal == _seal(state, text):
             return text
     text = _listed(places)
-    with suppress(OSError, RuntimeError, JointplayError):  # no place to keep it
+    with suppress(OSError, RuntimeError, JointplayError):  # the cache cannot be written
         kept.parent.mkdir(parents=True, exist_ok=True)
         files.write(kept, f"{_seal(state, text)}\n{text}", overwrite=True, announced=False)
     return text
@@ -48,7 +48,7 @@ def _listed(places: Iterable[str]) -> str:
 
 
 def _state(paths: Iterable[Path]) -> str:
-    """Size and time of all that the list depends on."""
+    """Size and time of all files on which the list depends."""
     pinocchio = find_spec("pinocchio")
     libraries = [Path(pinocchio.origin)] if pinocchio and pinocchio.origin else []
     sources = [*paths, *sorted(_PACKAGE.rglob("*.py")), *libraries]
@@ -57,5 +57,5 @@ def _state(paths: Iterable[Path]) -> str:
 
 
 def _seal(state: str, text: str) -> str:
-    """Of a list that is whole and was found in this state."""
+    """Checksum of a list and of the state of the files it was made from."""
     return hashlib.sha256(f"{state}\n{text}".encode()).hexdigest()

@@ -1,9 +1,9 @@
-"""Robots people have: those of the packages example-robot-data and robot_descriptions, by name.
+"""Robots by name: those that ship with this package, of example-robot-data, of robot_descriptions.
 
-The first (BSD-3-Clause) is nothing but URDFs and meshes; the extra `robots` brings both. A robot's
-name in it is that of its URDF, in small letters and without ``_robot``; where two folders have a
-URDF of the same name, the folder's name instead. What it does not have is looked for in the other
-(`model.robot_descriptions`).
+example-robot-data (BSD-3-Clause) is nothing but URDFs and meshes. A robot's name in it is that of
+its URDF, in small letters and without ``_robot``; where two folders have a URDF of the same name,
+the folder's name instead. Robots that it does not have are looked for in robot_descriptions
+(`model.robot_descriptions`). The extra `robots` installs both.
 """
 
 from __future__ import annotations
@@ -28,10 +28,10 @@ PREFIX = f"{PACKAGE}:"
 """Marks a robot's name where a path could stand, as in ``example-robot-data:ur5``."""
 
 PREFIXES = (SHIPPED, PREFIX, robot_descriptions.PREFIX)
-"""Of all that is no path."""
+"""Prefixes of names that are no paths."""
 
 SUFFIXES = (".urdf", ".xml", ".xacro")
-"""Of files that describe robots."""
+"""Suffixes of files that describe robots."""
 
 OWN = {"ar4": "ar4.urdf", "scara": "scara.urdf", "so101": "so101.urdf"}
 """Robots whose URDF ships with this package, by name; they hide others of that name."""
@@ -55,13 +55,13 @@ def shipped(name: str) -> Path:
 
 
 def share() -> Path:
-    """Folder of the package's data; `robots/` is in it.
+    """Folder of example-robot-data's files; `robots/` is in it.
 
     Raises:
         JointplayError: the package is not installed; the message says how to install it.
     """
     wheels = [Path(entry) / "cmeel.prefix" for entry in sys.path]
-    for prefix in [*wheels, Path(sys.prefix)]:  # the last one of conda, ROS
+    for prefix in [*wheels, Path(sys.prefix)]:  # the last is that of conda and ROS
         folder = prefix / "share" / PACKAGE
         if (folder / "robots").is_dir():
             return folder
@@ -73,7 +73,7 @@ def share() -> Path:
 
 @cache
 def _table(folder: Path) -> dict[str, Path]:
-    """The URDF of each robot, by name."""
+    """URDFs of the robots in a folder, by the robot's name."""
     families = defaultdict(list)
     for path in sorted(folder.glob("*/*/*.urdf")):
         text = path.read_text(encoding="utf-8", errors="replace")
@@ -98,18 +98,18 @@ class Source(NamedTuple):
 
     path: Path
     usual: dict[str, str]
-    """Arguments that it takes as xacro where none are given."""
+    """Default arguments of a xacro."""
 
 
 def robots() -> tuple[str, ...]:
-    """Names of all robots; errors as of `share`."""
+    """Names of all robots that ship or are of example-robot-data; errors are those of `share`."""
     return tuple(sorted({*OWN, *_table(share() / "robots")}))
 
 
 def robot_urdf(name: str) -> Path:
     """URDF of a robot such as ``ur5`` or ``panda``; upper case and ``-`` for ``_`` do no harm.
 
-    Of a robot that there is in one variant only, such as ``hyq_no_sensors``, ``hyq`` will do.
+    ``hyq`` is enough for ``hyq_no_sensors`` if that is the only variant.
 
     Raises:
         JointplayError: the package is not installed.
@@ -161,7 +161,7 @@ def source_of(place: str | Path, folder: Path = Path()) -> Source:
 
 
 def with_package(name: str) -> str:
-    """A robot's name with the package before it that has it; errors as of `robot_urdf`."""
+    """A robot's name with the prefix of the package that has it; errors as of `robot_urdf`."""
     try:
         robot_urdf(name)
     except JointplayError:
@@ -182,6 +182,6 @@ def is_robot(place: str) -> bool:
         return False
     try:
         with_package(place)
-    except JointplayError:  # who then finds no file either says what this says
+    except JointplayError:  # a scenario; its reader tells if there is no such file
         return False
     return True

@@ -1,6 +1,6 @@
-"""What there is to see: bodies on links, joints that are marked, and where the links are.
+"""The scene of a mechanism: shapes on links, joints to mark, and the links' poses.
 
-Pictures, the player and the live page show this, each in its own way.
+Pictures, the player and the live page show it, each in its own way.
 """
 
 from __future__ import annotations
@@ -24,19 +24,19 @@ class MarkedJoint:
 
     name: str
     link: int
-    """That carries its bearing, in `Scene.links`."""
+    """Index in `Scene.links` of the link that carries the bearing."""
     place: pin.SE3
-    """Of the bearing's frame, whose z is the joint's axis, in the link's."""
+    """Pose of the bearing's frame in the link's frame; z is the joint's axis."""
     label: str
-    """What it can do."""
+    """The joint's play, or that it closes a loop, in words."""
     play: bool
-    """Whether it has clearance; else it closes a loop."""
+    """Whether the joint has clearance; else it closes a loop."""
     hinge: bool
-    """Whether it is a hinge of a flexible link, which has nothing to mark."""
+    """Whether the joint is a hinge of a flexible link, which has nothing to mark."""
 
 
 class Scene:
-    """What is seen of a mechanism, whose URDF has the shapes; meshes may be in `folders`, too."""
+    """The scene of a mechanism; meshes may be in `folders`, too."""
 
     def __init__(self, mechanism: Mechanism, folders: Sequence[str | Path] = ()) -> None:
         self.mechanism, self.folders = mechanism, folders
@@ -46,7 +46,7 @@ class Scene:
 
     @cached_property
     def look(self) -> Look:
-        """Shapes of the links, and their size.
+        """Shapes of the links, and the robot's size.
 
         Raises:
             JointplayError: a given folder does not exist.
@@ -57,7 +57,7 @@ class Scene:
     def joints(self) -> list[MarkedJoint]:
         """Joints with clearance, then those that close loops, on the links that carry them."""
         mechanism, marked = self.mechanism, []
-        hinges = {name for its in mechanism.hinges.values() for name in its}
+        hinges = {name for names in mechanism.hinges.values() for name in names}
         loops = [name for name in mechanism.loops if name not in mechanism.clearance]
         carriers = {index: link for link, (index, _) in reversed([*enumerate(self._frames)])}
         for name in (*mechanism.clearance, *loops):
@@ -86,13 +86,13 @@ class Scene:
 
 
 def tool_places(mechanism: Mechanism, q: np.ndarray) -> np.ndarray:
-    """Where the tool is at configurations q (n, nq), world axes (n, 3) [m]."""
+    """Positions of the tool at configurations q (n, nq), world axes (n, 3) [m]."""
     tool = carried(mechanism.model, mechanism.tool_frame)
     return mechanism.tree.motion(q, tool=tool).tool[:, :3]
 
 
 def quaternions(matrices: np.ndarray) -> np.ndarray:
-    """Quaternions (x, y, z, w) of rotation matrices (n, 3, 3), neighbours of like sign: (n, 4)."""
+    """Quaternions (x, y, z, w) of rotation matrices (n, 3, 3), without jumps in sign, (n, 4)."""
     from scipy.spatial.transform import Rotation  # takes long to import
 
     turns: np.ndarray = Rotation.from_matrix(matrices).as_quat()

@@ -1,4 +1,4 @@
-"""What a robot's description is made of, and what is not as it should be."""
+"""Survey of a robot: its joints and frames, and what stands in the way of a simulation."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ from jointplay.model.xacro import Value
 
 @dataclass(frozen=True)
 class Survey:
-    """What a robot is made of, and how far it can be simulated; found by loading it."""
+    """A robot's joints and frames, and how far it can be simulated; found by loading it."""
 
     name: str
     path: Path
     moving: dict[str, str]
     """URDF type of each joint that is not fixed, by name, from the base outwards."""
     serial: bool = False
-    """Its revolute joints lie on one path from the base: an arm."""
+    """Whether the revolute joints lie on one path from the base: an arm."""
     unphysical: tuple[str, ...] = ()
     """Links whose inertia no rigid body has; to be allowed by name."""
     mimics: tuple[str, ...] = ()
@@ -41,9 +41,9 @@ class Survey:
     massless: tuple[str, ...] = ()
     """Joints that move no mass: nothing can be simulated unless they are fixed."""
     problem: str = ""
-    """Why it cannot be loaded, or simulated, at all; empty if it can."""
+    """Why the robot cannot be loaded, or simulated, at all; empty if it can."""
     doubts: tuple[str, ...] = ()
-    """What its file says that is not whole or not read, in words."""
+    """Lines on what in its file is not whole or not read (`urdf.doubts`)."""
     mechanism: Mechanism | None = None
     """The ideal robot, if it can be loaded."""
 
@@ -60,7 +60,7 @@ class Survey:
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """What is not as it should be, in words."""
+        """Lines on what is not as it should be."""
         remarks = (
             (self.massless, "cannot be simulated unless held: {} move links without mass"),
             (self.unphysical, "physically impossible inertia, must be allowed: {}"),
@@ -74,7 +74,7 @@ class Survey:
 
     @property
     def brief(self) -> str:
-        """Its name, its joints by their kind, and what is not as it should be."""
+        """A short text: the robot's name, its joints by kind, and the remarks."""
         lines = [self.name]
         for kind in dict.fromkeys(self.moving.values()):
             joints = [joint for joint, joint_kind in self.moving.items() if joint_kind == kind]
@@ -82,7 +82,7 @@ class Survey:
         return "\n".join([*lines, *(wrapped(f"! {remark}") for remark in self.remarks)])
 
     def __str__(self) -> str:
-        """All joints with their limits, frames, tool; what is not as it should be, and options."""
+        """The full text: joints with their limits, frames, tool, remarks, and options that help."""
         lines = [f"{self.name}: {self.path}"]
         if self.mechanism is None:
             lines += [f"    {joint}  {kind}" for joint, kind in self.moving.items()]
@@ -107,7 +107,7 @@ class Survey:
 
 
 def survey(place: str | Path, xacro: Mapping[str, Value] | None = None) -> Survey:
-    """Load a robot, with these arguments if it is a xacro, and look at what it is made of.
+    """Load a robot, with arguments if it is a xacro, and survey it.
 
     Raises:
         JointplayError, MissingName: no such robot, or no well-formed URDF.
@@ -157,6 +157,7 @@ def described(description: Description) -> dict[str, Any]:
 
 
 def _joints(description: Description, names: Iterable[str]) -> list[tuple[str, ...]]:
+    """Table of joints with a row of headings."""
     rows: list[tuple[str, ...]] = [
         ("joint", "kind", "parent", "child", "position", "speed", "effort", "")
     ]

@@ -1,4 +1,4 @@
-"""Which frame of a robot is its tool, where nobody said so.
+"""Choice of the frame that is a robot's tool, where none is named.
 
 The last frame of a URDF may be a camera, an IMU or a finger's tip. The tool of an arm is the end of
 its driven chain, before fingers begin.
@@ -17,30 +17,32 @@ _NAMED = re.compile(
     r"(^|_)(tool0|tool|tcp|tool_?frame|ee_link|ee|eef|end_?effector|flange|gripper_frame_link|foot|suction_?\w*|vacuum_?\w*|nozzle|spindle|torch|needle|pen|tip|probe)$",
     re.IGNORECASE,
 )
-"""Frames that are called what a tool is called."""
+"""Usual names of tool frames."""
 _TELLING = ("tcp", "tool0", "tool", "ee", "flange")
 """Parts of such names, the most telling first."""
 _FINGER = re.compile(r"finger|gripper|jaw|knuckle|thumb|claw", re.IGNORECASE)
+"""Names of joints that move fingers."""
 _OTHER = re.compile(
     r"imu|camera|optical|sensor|laser|lidar|depth|gps|finger|jaw|knuckle|thumb|inertia|collision",
     re.IGNORECASE,
 )
+"""Names of frames that are no tool, although a part of the name says so."""
 _ARM = 3
-"""From so many moving joints on, a fork into shorter branches is a hand."""
+"""Moving joints before a fork into shorter branches, from which on the branches are a hand's."""
 
 
 def choose_tool(description: Description, play: Collection[str] = ()) -> tuple[str, str]:
     """Name of the frame that serves as the tool, and the reason in words.
 
-    The chain of moving joints from the base that has the most of the joints in `play`, the longest
-    if several have; without `play`, it ends where it forks into shorter branches or a joint is
-    called a finger's. Of what is fixed to its last link, a frame with a tool's name, or else the
-    last link itself.
+    The chain of moving joints is the one from the base with most of the joints in `play`, and the
+    longest of several. Without `play` it ends where it forks into shorter branches, or before a
+    joint with a finger's name. The tool is a frame with a tool's name that is fixed to the last
+    link, or else the last link itself.
     """
     children: dict[str, list[JointEntry]] = defaultdict(list)
     for joint in description.joints.values():
         children[joint.parent].append(joint)
-    for fingers in (False, True):
+    for fingers in (False, True):  # a robot that is nothing but fingers has a tool, too
         link, last = _chain(description.root, children, frozenset(play), fingers)
         if last:
             break
@@ -61,9 +63,13 @@ def choose_tool(description: Description, play: Collection[str] = ()) -> tuple[s
 def _chain(
     root: str, children: dict[str, list[JointEntry]], play: frozenset[str], fingers: bool
 ) -> tuple[str, str]:
-    """Last link of the chain of moving joints, and its joint ("": none)."""
+    """Last link of the chain of moving joints, and its joint ("": none).
+
+    From the tips to the base each link gets the worth of its best branch; from the base to the tip
+    the chain then follows the best. `fingers`: whether fingers count.
+    """
     best: dict[str, tuple[int, int]] = {}
-    """By link: joints with play in series behind it at most, and moving joints."""
+    """Most joints with play in series behind each link, and moving joints with them."""
     order = [root]
     for link in order:  # as deep as the URDF is, which may be deeper than Python's stack
         order += [joint.child for joint in children[link]]
@@ -99,7 +105,7 @@ def _chain(
 def _fixed(
     link: str, children: dict[str, list[JointEntry]], play: Collection[str] = ()
 ) -> list[str]:
-    """A link, and all that is fixed to it without play."""
+    """A link, and all links fixed to it by joints without `play`."""
     links, open_ones = [], [link]
     while open_ones:  # as deep as the URDF is, which may be deeper than Python's stack
         frame = open_ones.pop()

@@ -1,4 +1,11 @@
-"""Bodies of a Pinocchio model at many states at once: motion, energies, forces in the joints."""
+"""Bodies of a Pinocchio model at many states at once: motion, energies, forces in the joints.
+
+Pinocchio does one state per call, and its results must be fetched array by array: microseconds, of
+which the arithmetic is a few tenths. Here all states of a run are one call of a compiled loop:
+`Tree.motion` or `Tree.reactions`. Every joint is split into joints of one coordinate, with bodies
+without mass between them; all vectors are in world axes. tests/model/test_tree.py holds it against
+Pinocchio.
+"""
 
 from __future__ import annotations
 
@@ -14,9 +21,11 @@ from jointplay.model.design import z_to
 from jointplay.model.frames import WORLD_FRAME, Frame, motions
 from jointplay.physics.kernel.frames import add, add_scaled, cross, dot, get_vector, scale
 
-# Where the bodies of a tree are and how fast they move, at many states at once: compiled.
+# Compiled kinematics: where the bodies of a tree are and how fast they move.
 #
 # `bodies` is a `Bodies`. Bodies are numbered from 1, their parents first; 0 is the ground.
+# `turn[b]` is the orientation of body b in the world, row by row; `origin`, `omega` and `speed` are
+# its origin's position, its angular velocity, and its origin's velocity.
 
 
 @compiled
@@ -45,7 +54,7 @@ def subtract(a, b):
 
 @compiled
 def times(a, i, b, j, c, k):
-    """Product of rotations c[k] = a[i] b[j], row by row."""
+    """Product of rotations c[k] = a[i] b[j], all stored row by row."""
     for r in (0, 3, 6):
         x, y, z = a[i, r], a[i, r + 1], a[i, r + 2]
         for s in range(3):
@@ -54,7 +63,7 @@ def times(a, i, b, j, c, k):
 
 @compiled
 def rotated(a, i, vector):
-    """Vector a[i] (x, y, z) of a rotation a[i]."""
+    """Vector R (x, y, z), with the rotation R = a[i]."""
     x, y, z = vector
     return (
         a[i, 0] * x + a[i, 1] * y + a[i, 2] * z,
@@ -65,7 +74,7 @@ def rotated(a, i, vector):
 
 @compiled
 def turned_back(a, i, vector):
-    """Vector a[i]^T (x, y, z) of a rotation a[i]."""
+    """Vector R^T (x, y, z), with the rotation R = a[i]."""
     x, y, z = vector
     return (
         a[i, 0] * x + a[i, 3] * y + a[i, 6] * z,
@@ -76,7 +85,7 @@ def turned_back(a, i, vector):
 
 @compiled
 def spin(inertias, b, vector):
-    """Inertia of body b about its mass's centre times a vector, in its own axes."""
+    """Inertia of body b about its centre of mass times a vector, both in the body's axes."""
     x, y, z = vector
     xx, xy, yy = inertias[b, 4], inertias[b, 5], inertias[b, 6]
     xz, yz, zz = inertias[b, 7], inertias[b, 8], inertias[b, 9]
@@ -85,14 +94,14 @@ def spin(inertias, b, vector):
 
 @compiled
 def mass_centre(bodies, turn, b):
-    """Centre of the mass of body b from its origin, in world axes."""
+    """Centre of mass of body b from the body's origin, in world axes."""
     inertias = bodies.inertias
     return rotated(turn, b, (inertias[b, 1], inertias[b, 2], inertias[b, 3]))
 
 
 @compiled
 def place(bodies, q, v, i, turn, origin, omega, speed):
-    """Orientation, origin, angular velocity and the origin's velocity of all bodies in state i."""
+    """Fill orientations, origins and velocities of all bodies in state i, from the base on."""
     for b in range(1, bodies.parents.size):
         p, angle, rate = bodies.parents[b], q[i, b - 1], v[i, b - 1]
         times(turn, p, bodies.turns, b, turn, b)
@@ -115,7 +124,7 @@ def place(bodies, q, v, i, turn, origin, omega, speed):
 
 @compiled
 def ground(count):
-    """Room for the poses and velocities of bodies; the ground, and with it number 0, at rest."""
+    """Arrays for `place`, with body 0, the ground, at rest in the world's axes."""
     turn = np.zeros((count, 9))
     turn[0, 0] = turn[0, 4] = turn[0, 8] = 1.0
     return turn, np.zeros((count, 3)), np.zeros((count, 3)), np.zeros((count, 3))
@@ -123,9 +132,9 @@ def ground(count):
 
 @compiled
 def _orient(turn, b, orientation, i):
-    """Write rotation turn[b] as the unit quaternion orientation[i], of the sign of the one before.
+    """Write rotation turn[b] as the unit quaternion orientation[i], its sign as the one before.
 
-    Of the four ways to do so, that which divides by the largest of its components.
+    Of the four formulas for a rotation's quaternion, the one that divides by its largest component.
     """
     xx, yy, zz = turn[b, 0], turn[b, 4], turn[b, 8]
     squares = (1.0 + xx + yy + zz, 1.0 + xx - yy - zz, 1.0 - xx + yy - zz, 1.0 - xx - yy + zz)
@@ -159,7 +168,7 @@ def move(
 ):
     """Fill the records `first` to `end` of a `BodyMotion`, whose arrays come last.
 
-    `carriers` and `places`: of the tool, then of each pair's two frames.
+    `carriers` and `places` (`Tree.frames`) are those of the tool, then of each pair's two frames.
     """
     gravity = get_vector(bodies.gravity, 0)
     turn, origin, omega, speed = ground(bodies.parents.size)
@@ -203,22 +212,31 @@ def move(
                 poses[j, i, 3 + k], poses[j, i, 6 + k], poses[j, i, 9 + k] = column
 
 
-# Forces in the joints of a tree at many states at once: compiled.
+# Compiled dynamics: forces that the joints of a tree transmit.
 #
-# First what the motion takes without accelerations of the coordinates; by the mass matrix, and
-# forces that hold points together, the accelerations to which the efforts lead; then the forces
-# of the bodies, summed up from the tips.
+# In each state, `react` goes four steps:
+#
+# 1. Bias: bodies accelerated by their velocities alone (q'' = 0) need forces; their moments about
+#    the joints' axes are efforts that the motion takes (Newton and Euler).
+# 2. The rest of the given efforts accelerates the coordinates, by the mass matrix that composite
+#    bodies give (Featherstone's composite rigid body algorithm).
+# 3. Points that are held together add forces, and with these accelerations.
+# 4. The forces that the bodies need in their actual motion, summed up from the tips to the base,
+#    are what the joints transmit.
+#
+# `alpha` is the angular acceleration of each body, `lift` its origin's acceleration.
 
 
 _REGULAR = 1e-8
-"""What is added to the matrix of held points, relative to its mean diagonal."""
+"""Regularisation of the matrix of held points, relative to its mean diagonal."""
 _ACCURACY, _ITERATIONS = 1e-15, 10
-"""Acceleration that is left, relative to what is to be held, and the most iterations."""
+"""Proximal iteration: acceleration of held points that may remain, relative to the largest that is
+to be held; and the most iterations."""
 
 
 @compiled
 def _accelerate(bodies, v, i, a, turn, origin, omega, alpha, lift):
-    """Angular acceleration of all bodies and their origins' acceleration, with a = q''."""
+    """Fill angular accelerations of all bodies and their origins' accelerations, with q'' = a."""
     for b in range(1, bodies.parents.size):
         p, rate, gain, axis = bodies.parents[b], v[i, b - 1], a[b - 1], axis_of(turn, b)
         across = cross(row(omega, p), axis)
@@ -234,22 +252,22 @@ def _accelerate(bodies, v, i, a, turn, origin, omega, alpha, lift):
 
 @compiled
 def _lifted(alpha, omega, arm):
-    """Acceleration of a point from an origin at rest: alpha x r + w x (w x r)."""
+    """Acceleration of a body's point against its origin: alpha x r + w x (w x r)."""
     return add(cross(alpha, arm), cross(omega, cross(omega, arm)))
 
 
 @compiled
 def _pushed(bodies, b, omega, alpha, lift, arm):
-    """Force that moves body b against gravity; `arm` is its mass's centre from its origin."""
+    """Force that body b needs to move and to bear its weight; `arm`: origin to centre of mass."""
     rise = add(_lifted(row(alpha, b), row(omega, b), arm), row(lift, b))
     return scale(bodies.inertias[b, 0], subtract(rise, get_vector(bodies.gravity, 0)))
 
 
 @compiled
 def _needed(bodies, turn, origin, omega, alpha, lift, arm, force, moment):
-    """Force, and moment about the world's origin, that each body's motion takes against gravity.
+    """Fill force, and moment about the world's origin, that each body needs (`_pushed`).
 
-    `arm` gets each mass's centre from its body's origin.
+    `arm` gets each centre of mass from its body's origin.
     """
     inertias = bodies.inertias
     for b in range(1, bodies.parents.size):
@@ -264,7 +282,7 @@ def _needed(bodies, turn, origin, omega, alpha, lift, arm, force, moment):
 
 @compiled
 def _factor(matrix, size):
-    """Replace the lower triangle of a symmetric matrix by L and D of L D L^T."""
+    """Factor a symmetric matrix in place: its lower triangle becomes L and D of L D L^T."""
     for r in range(size):
         for c in range(r):
             total = matrix[r, c]
@@ -281,7 +299,7 @@ def _factor(matrix, size):
 
 @compiled
 def _solve(matrix, size, x):
-    """Solve L D L^T x = x in place, L and D by `_factor`."""
+    """Solve L D L^T y = x, with L and D by `_factor`; y replaces x."""
     for r in range(size):
         for k in range(r):
             x[r] -= matrix[r, k] * x[k]
@@ -294,12 +312,14 @@ def _solve(matrix, size, x):
 
 @compiled
 def _mass_matrix(bodies, turn, origin, arm, weight, first_moment, second, mass):
-    """Lower triangle of the mass matrix, from what each body and those beyond it weigh.
+    """Lower triangle of the mass matrix, by the inertia of each body with those beyond it.
 
-    Moments are about the world's origin; `arm` has each mass's centre from its body's origin.
+    Inertias are mass, first and second moment about the world's origin, in world axes: they add.
+    The force that moves a composite body at unit acceleration of its coordinate, seen at each
+    coordinate on the way to the base, is a row. `arm`: origins to centres of mass.
     """
     count = bodies.parents.size
-    for b in range(1, count):
+    for b in range(1, count):  # inertia of each body alone, moved to the world's origin
         m, centre = bodies.inertias[b, 0], add(row(origin, b), row(arm, b))
         weight[b] = m
         put(first_moment, b, scale(m, centre))
@@ -314,7 +334,7 @@ def _mass_matrix(bodies, turn, origin, arm, weight, first_moment, second, mass):
                     second[b, 4 * r] += square - m * centre[r] * centre[r]
                 else:
                     second[b, 3 * r + k] -= m * centre[min(r, k)] * centre[max(r, k)]
-    for b in range(count - 1, 0, -1):
+    for b in range(count - 1, 0, -1):  # from the tips: all beyond b is in its inertia by now
         p, axis, moment = bodies.parents[b], axis_of(turn, b), row(first_moment, b)
         if bodies.slides[b]:
             push, turning = scale(weight[b], axis), cross(moment, axis)
@@ -338,7 +358,7 @@ def _mass_matrix(bodies, turn, origin, arm, weight, first_moment, second, mass):
 
 @compiled
 def _effort(slides, turn, origin, b, force, moment):
-    """What a force and a moment about the world's origin do at the coordinate of body b."""
+    """Generalised force of a force and a moment about the world's origin at body b's coordinate."""
     axis = axis_of(turn, b)
     if slides[b]:
         return dot(axis, force)
@@ -347,7 +367,7 @@ def _effort(slides, turn, origin, b, force, moment):
 
 @compiled
 def _hold(bodies, carriers, places, turn, origin, omega, alpha, lift, rows, drift):
-    """Motion of held points against each other: Jacobian, and acceleration at constant speeds."""
+    """Fill the Jacobian `rows` of held points against each other, and their `drift` at q'' = 0."""
     rows[:] = 0.0
     drift[:] = 0.0
     for f in range(carriers.size):
@@ -368,12 +388,13 @@ def _hold(bodies, carriers, places, turn, origin, omega, alpha, lift, rows, drif
 
 @compiled
 def _close(mass, rows, drift, solved, square, acceleration, push):
-    """Forces `push` that hold all points, and the acceleration with them, which is changed.
+    """Find the forces `push` that hold all points, and add the acceleration that they cause.
 
-    The matrix may be singular; the proximal iteration, as in Pinocchio, finds the smallest forces.
+    With the Jacobian J of the points they obey J M^-1 J^T push = -(drift + J acceleration). The
+    matrix may be singular; the proximal iteration, as in Pinocchio, finds the smallest forces.
     """
     size, nv = rows.shape
-    for r in range(size):
+    for r in range(size):  # M^-1 J^T, a column in each row of `solved`
         for k in range(nv):
             solved[r, k] = rows[r, k]
         _solve(mass, nv, solved[r])
@@ -427,6 +448,7 @@ def react(
     solved, square = np.empty((held + 1, max(nv, held))), np.empty((held, held))
     for i in range(first, end):
         place(bodies, q, v, i, turn, origin, omega, speed)
+        # 1. Bias efforts, and what is left of the given ones.
         acceleration[:] = 0.0
         _accelerate(bodies, v, i, acceleration, turn, origin, omega, alpha, lift)
         _needed(bodies, turn, origin, omega, alpha, lift, arm, force, moment)
@@ -439,12 +461,15 @@ def react(
             acceleration[b - 1] = effort[i, b - 1] - needed
             put(force, parents[b], add(row(force, parents[b]), row(force, b)))
             put(moment, parents[b], add(row(moment, parents[b]), row(moment, b)))
+        # 2. Free acceleration.
         _mass_matrix(bodies, turn, origin, arm, weight, first_moment, second, mass)
         _factor(mass, nv)
         _solve(mass, nv, acceleration)
+        # 3. Constrained acceleration.
         if held:
             _hold(bodies, carriers, places, turn, origin, omega, alpha, lift, rows, drift)
             _close(mass, rows, drift, solved, square, acceleration, push)
+        # 4. Forces of the bodies in this motion, from the tips to the base.
         _accelerate(bodies, v, i, acceleration, turn, origin, omega, alpha, lift)
         for b in range(1, count):
             put(force, b, _pushed(bodies, b, omega, alpha, lift, row(arm, b)))
@@ -461,12 +486,6 @@ def react(
             put(forces[i - first], j, row(force, wanted[j]))
 
 
-# Pinocchio does one state per call, and what it leaves must be fetched array by array:
-# microseconds, of which the arithmetic is a few tenths. Here all states of a run are one call of
-# a compiled loop. Every joint is split into joints of one coordinate, with bodies of no mass
-# between them; everything is in world axes. tests/model/test_tree.py holds it against Pinocchio.
-
-
 class Bodies(NamedTuple):
     """Bodies by number, parents first; 0 is the ground. Body b is moved by coordinate b - 1.
 
@@ -474,58 +493,59 @@ class Bodies(NamedTuple):
     """
 
     parents: np.ndarray
-    """(nb,)."""
+    """Number of each body's parent (nb,)."""
     slides: np.ndarray
-    """Whether it slides (nb,)."""
+    """Whether each body slides (nb,)."""
     turns: np.ndarray
     """Orientation in the parent at coordinate zero, row by row (nb, 9)."""
     shifts: np.ndarray
     """Origin in the parent at coordinate zero (nb, 3) [m]."""
     inertias: np.ndarray
-    """Mass [kg], its centre (3) [m], xx, xy, yy, xz, yz, zz about that [kg m^2]: (nb, 10)."""
+    """Mass [kg], centre of mass (3) [m], and xx, xy, yy, xz, yz, zz about it [kg m^2]: (nb, 10)."""
     armature: np.ndarray
-    """Inertia at its coordinate beside its own (nb,) [kg m^2 or kg]."""
+    """Rotor inertia at each body's coordinate (nb,) [kg m^2 or kg]."""
     gravity: np.ndarray
-    """World axes (3,) [m/s^2]."""
+    """Acceleration of gravity, world axes (3,) [m/s^2]."""
 
 
 class BodyMotion(NamedTuple):
-    """What the bodies do, by record; filled stretch by stretch."""
+    """Motion of a tool and of pairs of frames, and energies, by record."""
 
     tool: np.ndarray
     """Position [m] and velocity [m/s] of the tool, world axes (n, 6)."""
     orientation: np.ndarray
-    """Of the tool in the world: quaternion w, x, y, z (n, 4), without jumps in sign."""
+    """Orientation of the tool in the world: quaternion w, x, y, z (n, 4), without jumps in sign."""
     spin: np.ndarray
     """Angular velocity of the tool, world axes (n, 3) [rad/s]."""
     energy: np.ndarray
-    """Kinetic and potential (n, 2) [J]."""
+    """Kinetic and potential energy (n, 2) [J]."""
     bearings: np.ndarray
     """Orientation of each pair's first frame in the world, row by row (pairs, n, 9)."""
     poses: np.ndarray
-    """Its second frame in the first: origin [m], orientation row by row (pairs, n, 12)."""
+    """Pose of each pair's second frame in the first: origin [m], orientation row by row
+    (pairs, n, 12)."""
 
     @classmethod
     def of(cls, n: int, pairs: int) -> BodyMotion:
-        """Room for n records and `pairs` pairs of frames."""
+        """Arrays, to be filled, for n records and `pairs` pairs of frames."""
         tool = np.empty((n, 6)), np.empty((n, 4)), np.empty((n, 3))
         return cls(*tool, np.empty((n, 2)), np.empty((pairs, n, 9)), np.empty((pairs, n, 12)))
 
 
 class Tree:
-    """Bodies of a `build`, whose joints turn, slide, or do both in turn."""
+    """The bodies of a model that `design.build` made, each joint split into single coordinates."""
 
     def __init__(self, model: pin.Model) -> None:
         data = model.createData()
         pin.computeJointJacobians(model, data, pin.neutral(model))
         parents, slides, placements, inertias = [0], [False], [pin.SE3.Identity()], [np.zeros(10)]
-        self._last_body = [0]
+        self._last_body = [0]  # of each Pinocchio joint, the body that carries its inertia
         self._turned = [pin.SE3.Identity()]  # a joint's frame as seen from its last body
         for index in range(1, model.njoints):
             before = model.parents[index]
             body = self._last_body[before]
             start = self._turned[before] * model.jointPlacements[index]
-            for axis in motions(model, data, index):
+            for axis in motions(model, data, index):  # a body for each coordinate
                 straight = bool(axis[:3].any())
                 turn = pin.SE3(z_to(axis[:3] if straight else axis[3:]), np.zeros(3))
                 parents.append(body)
@@ -533,9 +553,9 @@ class Tree:
                 placements.append(start * turn)
                 inertias.append(np.zeros(10))
                 body, start = len(parents) - 1, turn.inverse()
-            held = start.act(model.inertias[index])
-            xx, xy, yy, xz, yz, zz = held.inertia[(0, 0, 1, 0, 1, 2), (0, 1, 1, 2, 2, 2)]
-            inertias[body] = np.array([held.mass, *held.lever, xx, xy, yy, xz, yz, zz])
+            inertia = start.act(model.inertias[index])
+            xx, xy, yy, xz, yz, zz = inertia.inertia[(0, 0, 1, 0, 1, 2), (0, 1, 1, 2, 2, 2)]
+            inertias[body] = np.array([inertia.mass, *inertia.lever, xx, xy, yy, xz, yz, zz])
             self._last_body.append(body)
             self._turned.append(start)
         self.bodies = Bodies(
@@ -567,10 +587,14 @@ class Tree:
         tool: Frame,
         pairs: Sequence[tuple[Frame, Frame]],
     ) -> None:
-        """Fill the records `first` to `end` of `motion`, in which the bodies have these inertias.
+        """Fill the records `first` to `end` of `motion`, throughout which the inertias are these.
 
-        States q and v are those of all records, C-contiguous, (n, nv). Wanted are the motion of the
-        frame `tool`, and the poses of the second frame of `pairs` in the first.
+        Args:
+            motion: arrays to fill (`BodyMotion.of`).
+            first, end: records to fill.
+            q, v: states of all records, C-contiguous, shape (n, nv).
+            tool: frame whose motion is wanted.
+            pairs: frames of which the pose of the second in the first is wanted.
         """
         carriers, places = self.frames([tool, *(frame for pair in pairs for frame in pair)])
         move(self.bodies, q, v, first, end, carriers, places, *motion)
@@ -582,7 +606,7 @@ class Tree:
         tool: Frame = WORLD_FRAME,
         pairs: Sequence[tuple[Frame, Frame]] = (),
     ) -> BodyMotion:
-        """What the bodies do in states q and v (n, nv), at rest without v; see `move`."""
+        """Motion of the bodies in states q and v (n, nv), at rest without v; see `move`."""
         q = np.ascontiguousarray(q, float)
         v = np.zeros_like(q) if v is None else np.ascontiguousarray(v, float)
         motion = BodyMotion.of(len(q), len(pairs))
@@ -605,13 +629,13 @@ class Tree:
 
         Args:
             first, end: records that are wanted.
-            q, v, effort: of all records, C-contiguous, shape (n, nv).
+            q, v, effort: states and efforts of all records, C-contiguous, shape (n, nv).
             joints: Pinocchio joints whose forces are wanted.
-            constraints: points held together, of the kind CONTACT_3D, not stabilised; of those
-                that may be redundant, the smallest forces that do it.
+            constraints: points held together, of the kind CONTACT_3D, not stabilised; if they are
+                redundant, the smallest forces hold them.
             pushed: Pinocchio joints on whose bodies given wrenches act.
-            wrenches: these: force [N], moment about the world's origin [N m], world axes, shape
-                (n, pushed, 6).
+            wrenches: force [N] and moment about the world's origin [N m] of each, world axes,
+                shape (n, pushed, 6).
 
         Returns:
             Force of the parent on the child by joint (end - first, joints, 3), and that of the

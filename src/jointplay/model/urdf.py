@@ -1,4 +1,9 @@
-"""Reading a URDF: the file, its joints as declared, and whether it describes a possible robot."""
+"""Reading a URDF: its joints as declared, and whether it describes a possible robot.
+
+`parse` checks a URDF and makes a `Description` of it, immutable. What cannot be right is refused;
+what may be a slip, or is not read, is told as `doubts`. Changed descriptions are made of changed
+elements (`Description.elements`, `read_again`).
+"""
 
 from __future__ import annotations
 
@@ -30,38 +35,35 @@ if TYPE_CHECKING:
     import yourdfpy
 
 
-# What a URDF says beyond the tree of joints: mimicry, transmissions, pictures.
-
-
 SHAPES = {
     "box": ("size",),
     "cylinder": ("radius", "length"),
     "sphere": ("radius",),
     "mesh": ("scale",),
 }
-"""Geometries of pictures that are drawn, and their numbers; others are left out."""
+"""Geometries that are drawn, and the attributes with their sizes; others are left out."""
 _READ = ("link", "joint", "material")
 """Elements of a robot that are read."""
 
 
 class Mimic(NamedTuple):
-    """A joint follows another: its position is multiplier * that of the leader + offset."""
+    """How a joint follows another: its position is multiplier * (leader's position) + offset."""
 
     leader: str
     multiplier: float
-    """[1, or rad/m or m/rad where one of them slides]."""
+    """Rate against the leader's [1, or rad/m or m/rad where one of the two slides]."""
     offset: float
-    """[rad or m]."""
+    """Position where the leader is at zero [rad or m]."""
 
     def formula(self) -> str:
-        """Its position, as one would write it."""
+        """The position as a formula, such as ``2 wrist - 0.1``."""
         factor = "" if self.multiplier == 1.0 else f"{self.multiplier:g} "
         sign = "+" if self.offset > 0.0 else "-"
         return f"{factor}{self.leader}" + (f" {sign} {abs(self.offset):g}" if self.offset else "")
 
 
 def between(lower: float | None, upper: float | None) -> float:
-    """Zero, or the middle of limits that exclude it; of a single one, that limit."""
+    """Zero if the limits allow it; else their middle, or the limit if there is only one."""
     low, high = (-math.inf if lower is None else lower), (math.inf if upper is None else upper)
     if low <= 0.0 <= high:
         return 0.0
@@ -82,31 +84,29 @@ class JointEntry:
     damping: float
     """Viscous friction [N m s/rad or N s/m]."""
     lower: float | None = None
-    """Lower limit of its position [rad or m]; None where there is none, or `upper`'s."""
+    """Lower limit of the position [rad or m]; None where there is none."""
     upper: float | None = None
-    """Upper limit of its position, likewise."""
+    """Upper limit of the position [rad or m]; None where there is none."""
     speed: float | None = None
-    """Limit of its speed [rad/s or m/s]; None where there is none, or 0."""
+    """Limit of the speed [rad/s or m/s]; None where there is none, or 0."""
     effort: float | None = None
-    """Limit of its effort [N m or N], likewise."""
+    """Limit of the effort [N m or N]; None where there is none, or 0."""
     mimic: Mimic | None = None
-    """The joint that it follows, and how; None if it follows none that exists."""
+    """The joint that this one follows, and how; None if it follows none that exists."""
 
     @property
     def unit(self) -> str:
-        """Of its position: ``m`` if it slides, else ``rad``."""
+        """Unit of the joint's position: ``m`` if it slides, else ``rad``."""
         return "m" if self.slides else "rad"
 
     @property
     def neutral(self) -> float:
-        """Where it stands if nobody says where [rad or m]: at zero, or in the middle of limits
-        that exclude that.
-        """
+        """Position if none is given [rad or m]: zero, or the middle of limits that exclude it."""
         return between(self.lower, self.upper)
 
     @property
     def component(self) -> int:
-        """Component of a displacement that it moves, if its axis is z: along it or about it."""
+        """Row of a twist in which the joint moves, with z as its axis: along z, or about it."""
         return 2 if self.slides else 5
 
     @property
@@ -115,25 +115,22 @@ class JointEntry:
 
     @property
     def slides(self) -> bool:
-        """Whether it is measured in metres, and its effort in newtons; else it turns."""
+        """Whether the joint's position is a length, and its effort a force."""
         return self.kind == "prismatic"
 
 
-# Reading a URDF: whether it describes a possible robot.
-
-
 MOST_LINKS, MOST_MOVING = 5000, 250
-"""Most links and moving joints of a robot: to set up its equations grows with their cube."""
+"""Most links and moving joints: the work to set up the equations grows with their cube."""
 
 MOST_IN_SERIES = 1000
-"""Most links one behind the other: Pinocchio's reader calls itself for each, and at some 4,000 of
-them ends the process with 8 MB of stack."""
+"""Most links in series: Pinocchio's reader calls itself for each, and with some 4,000 of them it
+overflows a stack of 8 MB and ends the process."""
 
 MOST_LETTERS = 200
 """Longest name of a link or joint."""
 
 GROUND = "universe"
-"""Pinocchio's own frame and joint: what is called like it would be taken for the ground."""
+"""Name of Pinocchio's ground frame and joint: a link of that name would be taken for it."""
 
 LIMITED = ("revolute", "prismatic")
 """Types of joint whose position has limits."""
@@ -142,13 +139,13 @@ NO_AXIS = ("fixed", "floating")
 """Types of joint whose axis means nothing; exporters write zeros there."""
 
 SHORTEST_AXIS = 1e-6
-"""An axis is a unit vector: one with no longer component is rounding."""
+"""Largest component of an axis up to which it has no direction: an axis is a unit vector."""
 
 UNIT = 1e-3
-"""Error of an axis' length that passes for rounding, of three digits."""
+"""Error of an axis' length up to which it is rounding, to three digits."""
 
 STANDARD_GRAVITY = (0.0, 0.0, -9.81)
-"""In world axes [m/s^2]."""
+"""Acceleration of gravity in world axes [m/s^2]."""
 
 GRAVITY = {"balanced": (0.0, 0.0, 0.0), "loaded": STANDARD_GRAVITY}
 """Gravity by word [m/s^2]: none, as if the weight were balanced, or 9.81 m/s^2 along -z."""
@@ -156,18 +153,18 @@ GRAVITY = {"balanced": (0.0, 0.0, 0.0), "loaded": STANDARD_GRAVITY}
 
 @dataclass(frozen=True)
 class Beyond:
-    """What a file of another format says and a URDF does not."""
+    """Contents of a file of another format for which a URDF has no words."""
 
     tables: dict[str, dict[str, Any]] = field(default_factory=dict)
-    """Of a scenario: ``robot``, ``gears``, ``drives``, ``loads``, ..."""
+    """Tables of a scenario: ``robot``, ``gears``, ``drives``, ``loads``, ..."""
     notes: tuple[str, ...] = ()
-    """What was read and what was left out, a line each."""
+    """Lines on what was read and what was left out."""
     hinges: dict[str, str] | None = None
-    """Of an MJCF, by joint the second hinge that is its play; None if it was none."""
+    """Second hinges of an MJCF that are the play of a joint, by joint; None for other formats."""
     armature: dict[str, float] = field(default_factory=dict)
-    """Inertia of rotors that are rigidly geared to joints, by joint, on its side [kg m^2 or kg]."""
+    """Inertia of rotors rigidly geared to joints, by joint, at its side [kg m^2 or kg]."""
     doubts: tuple[str, ...] = ()
-    """What was not taken as it stands, a line each."""
+    """Lines on what was not taken as it stands."""
 
 
 @dataclass(frozen=True)
@@ -179,20 +176,20 @@ class Description:
     joints: dict[str, JointEntry]
     links: tuple[str, ...]
     parsed: ElementTree.Element = field(compare=False, repr=False)
-    """Its elements, checked; not to be changed."""
+    """Root element of the URDF, checked; not to be changed."""
     stored: bool = False
-    """Whether it comes from a result: it then has no folder from which it may take meshes."""
+    """Whether the URDF comes from a result: it then has no folder from which to take meshes."""
 
     @cached_property
     def beyond(self) -> Beyond:
-        """What the file said for which a URDF has no words."""
+        """Contents of the robot's file for which a URDF has no words."""
         return Beyond(**json.loads(self.parsed.findtext(BEYOND) or "{}"))
 
     @cached_property
     def declared(self) -> yourdfpy.urdf.Robot:
-        """Links and joints with all they have, by yourdfpy, which is slow to import.
+        """Links and joints with all their elements, read by yourdfpy, which is slow to import.
 
-        No mesh is looked for, no file opened.
+        No mesh is looked for, no file is opened.
 
         Raises:
             JointplayError: yourdfpy cannot read it.
@@ -206,7 +203,7 @@ class Description:
             for picture in (*link.findall("visual"), *link.findall("collision")):
                 geometry = picture.find("geometry")
                 if geometry is None or not any(shape.tag in SHAPES for shape in geometry):
-                    link.remove(picture)  # that other programs know
+                    link.remove(picture)  # of a geometry that only other programs know
         text = io.BytesIO(ElementTree.tostring(root))
         try:
             return yourdfpy.URDF.load(text, build_scene_graph=False, load_meshes=False).robot
@@ -215,7 +212,7 @@ class Description:
 
     @cached_property
     def reductions(self) -> dict[str, float]:
-        """Turns of the motor for one of the joint, by joint; yourdfpy (0.0.60) leaves them out."""
+        """Gear ratios by joint, from transmissions; yourdfpy (0.0.60) leaves them out."""
         ratios = {}
         for element in self.parsed.findall("transmission"):
             with suppress(ValueError):
@@ -225,12 +222,12 @@ class Description:
 
     @property
     def plain_text(self) -> str:
-        """The URDF without what is beyond it."""
+        """The URDF's text without the element for `beyond`."""
         return re.sub(rf"\s*<{BEYOND}>.*?</{BEYOND}>", "", self.text, flags=re.DOTALL)
 
     @property
     def revolute(self) -> list[str]:
-        """Names of the joints that can get clearance."""
+        """Names of the joints that turn: revolute or continuous."""
         return [j.name for j in self.joints.values() if j.turns]
 
     @property
@@ -246,32 +243,32 @@ class Description:
 
     @property
     def root(self) -> str:
-        """The link from which all joints begin: the base."""
+        """The base: the link that no joint holds."""
         return next(link for link in self.links if link not in self.holders)
 
     @cached_property
     def holders(self) -> dict[str, JointEntry]:
-        """The joint that holds each link, but for the base."""
+        """The joint that holds each link, by link; the base has none."""
         return {joint.child: joint for joint in self.joints.values()}
 
     def above(self, link: str) -> Iterator[JointEntry]:
-        """The joints from a link to the base, the nearest first."""
+        """The joints between a link and the base, the nearest to the link first."""
         while link in self.holders:
             joint = self.holders[link]
             yield joint
             link = joint.parent
 
     def free_base(self, gravity: Sequence[float]) -> str:
-        """That the base is free, in words, and what it then does under `gravity`."""
+        """A sentence that the base is free, and whether it falls under `gravity`."""
         falls = ", and it falls unless loads carry it" if any(gravity) else ""
         return f"the base {self.root!r} is free: nothing holds it{falls}"
 
     @property
     def held(self) -> str:
-        """That the base of what is no arm is held, in words; empty if nobody would expect else.
+        """A sentence that the base is held; empty for robots whose base everybody expects held.
 
-        A URDF does not say whether its base is free, as that of what walks, drives or flies. What
-        has no mass, though, is the ground.
+        A URDF does not say whether its base is free, as that of a robot that walks, drives or
+        flies. Arms are held; and a base without mass is the ground.
         """
         base = self.root
         fixed = {
@@ -288,14 +285,14 @@ class Description:
 
     @property
     def doubts(self) -> list[str]:
-        """What the URDF says that is not whole or not read; see `doubts`."""
+        """Lines on what in the URDF is not whole or not read; see `doubts`."""
         return doubts(self.parsed)
 
     def require_moving(self) -> None:
         """Raise unless some joint moves.
 
         Raises:
-            JointplayError: none does, as of a drone that is described as one body.
+            JointplayError: no joint does, as in a drone that is described as one body.
         """
         if not self.moving:
             number = len(self.links)
@@ -307,12 +304,12 @@ class Description:
             )
 
     def elements(self) -> ElementTree.Element:
-        """Its elements, which may be changed."""
+        """A copy of the URDF's root element, which may be changed."""
         return deepcopy(self.parsed)
 
 
 def with_geared(description: Description, joints: Collection[str]) -> Description:
-    """The description without the armature of joints whose gears have rotors of their own."""
+    """The description without the armature of geared `joints`, whose rotors the gears have."""
     armature = description.beyond.armature
     if armature.keys().isdisjoint(joints):
         return description
@@ -321,7 +318,7 @@ def with_geared(description: Description, joints: Collection[str]) -> Descriptio
 
 
 def with_armature(description: Description, armature: Mapping[str, float]) -> Description:
-    """The description with other rotors that are rigidly geared to joints; see `Beyond`."""
+    """The description with another armature; see `Beyond.armature`."""
     root = description.elements()
     element = root.find(BEYOND)
     if element is None:
@@ -332,14 +329,16 @@ def with_armature(description: Description, armature: Mapping[str, float]) -> De
 
 
 _DEEPEST = 200
-"""Levels of elements that a URDF may have; those in use have about six."""
+"""Most levels of elements in a URDF; those in use have about six."""
+_WORLD = "world"
+"""Link at which joints begin in Drake's URDFs, described or not: the ground."""
 
 
 def elements(text: str, path: Path) -> ElementTree.Element:
-    """The root of a URDF, unchecked.
+    """Root element of a URDF, unchecked.
 
     Raises:
-        JointplayError: it is no URDF; `path` names it.
+        JointplayError: the text is no URDF; the message has its `path`.
     """
     try:
         root = ElementTree.fromstring(text)
@@ -356,10 +355,10 @@ def elements(text: str, path: Path) -> ElementTree.Element:
 
 
 def parse(text: str, path: Path, allow_unphysical: Collection[str] = ()) -> Description:
-    """Check the URDF `text`, naming `path` in errors, and every inertia, but of links in
-    `allow_unphysical`, or ``"all"``.
+    """Check a URDF's `text`, of the file `path`, and describe it.
 
-    The same text is read once: what is returned is shared, and must not be changed.
+    Inertias are checked, too, except those of links in `allow_unphysical`, or all by ``"all"``. The
+    same text is read once: the description is shared, and must not be changed.
 
     Raises:
         JointplayError: it is malformed, its links do not form one tree, or a link's inertia is
@@ -369,28 +368,28 @@ def parse(text: str, path: Path, allow_unphysical: Collection[str] = ()) -> Desc
 
 
 def _with_world(root: ElementTree.Element) -> bool:
-    """Add the link ``world`` where joints begin at it and none is described: Drake's ground."""
+    """Add the link ``world`` if joints begin at it and no link is called so; whether it was added.
+
+    It is the ground in Drake's URDFs.
+    """
     links = {link.get("name") for link in root.findall("link")}
     parents = {parent.get("link") for parent in root.findall("joint/parent")}
     if not links or _WORLD in links or _WORLD not in parents:
         return False
     root.insert(0, ElementTree.Element("link", name=_WORLD))
     doubt(
-        root, f"joints begin at {_WORLD!r}, which no link is called: it is the ground, as in Drake"
+        root, f"joints begin at {_WORLD!r}, but no link is called so: it is the ground, as in Drake"
     )
     return True
 
 
 def doubt(root: ElementTree.Element, line: str) -> None:
-    """Add a line to `doubts`."""
+    """Add a line to the `doubts` that a URDF carries with it."""
     beyond = json.loads(root.findtext(BEYOND) or "{}")
     for old in root.findall(BEYOND):
         root.remove(old)
     beyond["doubts"] = [*beyond.get("doubts", ()), line]
     ElementTree.SubElement(root, BEYOND).text = json.dumps(beyond)
-
-
-_WORLD = "world"
 
 
 @lru_cache(maxsize=32)
@@ -418,6 +417,7 @@ def _parsed(text: str, path: Path, allow_unphysical: tuple[str, ...]) -> Descrip
     for name in allow_unphysical:
         if name not in links and name != ALL:
             raise MissingName("link", name, [*links, ALL])
+    # Every element is sound by now; joints, the tree and inertias are looked at as a whole.
     joints = {}
     followers, _ = mimics(root)
     for joint in root.findall("joint"):
@@ -439,7 +439,7 @@ def _parsed(text: str, path: Path, allow_unphysical: tuple[str, ...]) -> Descrip
 
 
 def slips(root: ElementTree.Element) -> Iterator[tuple[ElementTree.Element, str]]:
-    """Links, joints and materials that `parse` refuses by themselves, and the first reason why."""
+    """Links, joints and materials that `parse` would refuse by themselves, each with a reason."""
     for top in root:
         if top.tag not in _READ:
             continue
@@ -459,10 +459,11 @@ def slips(root: ElementTree.Element) -> Iterator[tuple[ElementTree.Element, str]
 
 
 def _limits(joint: ElementTree.Element, name: str) -> dict[str, float | None]:
-    """Lower, upper, speed and effort; programs that write URDFs put 0 or -1 where they know none.
+    """Limits of a joint by the fields of `JointEntry`; exporters write 0 or -1 for unknown ones.
 
     Raises:
-        JointplayError: they are no numbers, or the wrong way round; they may be infinite.
+        JointplayError: a limit is no number, or the limits are the wrong way round. They may be
+            infinite.
     """
     limit, kind = joint.find("limit"), joint.get("type")
     lower, upper, effort, velocity = (
@@ -489,7 +490,7 @@ def _limits(joint: ElementTree.Element, name: str) -> dict[str, float | None]:
 
 
 def doubts(root: ElementTree.Element) -> list[str]:
-    """What is not whole or not read, a line each: leaders that do not exist, limits, axes, ..."""
+    """Lines on what is not whole or not read: missing leaders, limits, axes, colours, ..."""
     names = [joint.get("name", "") for joint in root.findall("joint")]
     geared = {
         t.get("name", ""): [joint.get("name", "") for joint in t.findall("joint")]
@@ -501,7 +502,7 @@ def doubts(root: ElementTree.Element) -> list[str]:
         f"{closest(mimic.leader, names)}".rstrip("; ")
         for name, mimic in mimics(root)[1].items()
     ]
-    lines += partly_limited(root)
+    lines += _partly_limited(root)
     if long := [name for name, length in _axes(root).items() if abs(length - 1.0) > UNIT]:
         lines.append(f"no unit vector as axis, so only its direction counts: {few(long)}")
     if idle:
@@ -518,7 +519,7 @@ def doubts(root: ElementTree.Element) -> list[str]:
 
 
 def _axes(root: ElementTree.Element) -> dict[str, float]:
-    """Length of the axis of each joint that has one."""
+    """Length of each moving joint's axis, by joint, where the URDF states one."""
     moving = [joint for joint in root.findall("joint") if joint.get("type") not in NO_AXIS]
     axes = {joint.get("name", ""): joint.find("axis") for joint in moving}
     return {
@@ -528,8 +529,8 @@ def _axes(root: ElementTree.Element) -> dict[str, float]:
     }
 
 
-def partly_limited(root: ElementTree.Element) -> list[str]:
-    """Joints of whose limits the URDF gives some only, a line each; each type needs its own."""
+def _partly_limited(root: ElementTree.Element) -> list[str]:
+    """Lines on joints whose <limit> lacks attributes that their type needs."""
     joints: dict[tuple[str, ...], list[str]] = {}
     for joint in root.findall("joint"):
         limit, kind = joint.find("limit"), joint.get("type")
@@ -548,18 +549,18 @@ def partly_limited(root: ElementTree.Element) -> list[str]:
 
 
 def _resistance(dynamics: ElementTree.Element | None, key: str, name: str) -> float:
-    """Friction or damping of a joint."""
-    value = _number(dynamics, key, f"joint {name!r}:", "0")
+    """Friction or damping of a joint, not negative."""
+    (value,) = numbers(dynamics, key, f"joint {name!r}: {key}", 1, "0")
     if value < 0.0:
         raise JointplayError(f"joint {name!r}: {key} must not be negative, got {value:g}")
     return value
 
 
 def mimics(root: ElementTree.Element) -> tuple[dict[str, Mimic], dict[str, Mimic]]:
-    """What joints mimic, by name: joints that exist, and such that do not.
+    """Mimicking joints by name: those whose leader exists, and those whose leader does not.
 
     Raises:
-        JointplayError: numbers that are none, or joints that in the end follow themselves.
+        JointplayError: a number that is none, or joints that mimic each other in a cycle.
     """
     followers: dict[str, Mimic] = {}
     astray: dict[str, Mimic] = {}
@@ -568,9 +569,9 @@ def mimics(root: ElementTree.Element) -> tuple[dict[str, Mimic], dict[str, Mimic
         name, mimic = joint.get("name", ""), joint.find("mimic")
         if mimic is None:
             continue
-        label, leader = f"joint {name!r}: mimic", mimic.get("joint", "")
-        factor = _number(mimic, "multiplier", label, "1")
-        offset = _number(mimic, "offset", label, "0")
+        leader = mimic.get("joint", "")
+        (factor,) = numbers(mimic, "multiplier", f"joint {name!r}: mimic multiplier", 1, "1")
+        (offset,) = numbers(mimic, "offset", f"joint {name!r}: mimic offset", 1, "0")
         (followers if leader in joints else astray)[name] = Mimic(leader, factor, offset)
     above = {name: mimic.leader for name, mimic in followers.items()}
     for name in followers:
@@ -581,7 +582,10 @@ def mimics(root: ElementTree.Element) -> tuple[dict[str, Mimic], dict[str, Mimic
 
 
 def _ascend(name: str, above: Mapping[str, str], known: Collection[str]) -> tuple[list[str], str]:
-    """Way from `name` to what has nothing above or is known, and the ring in which it ends."""
+    """Path from `name` upwards, to a `known` name or the top, and the cycle in which it ends.
+
+    The cycle is a text such as ``a - b - a``; empty if there is none.
+    """
     path = [name]
     while path[-1] in above and path[-1] not in known:
         path.append(above[path[-1]])
@@ -611,7 +615,7 @@ def _check_names(kind: str, names: Sequence[str]) -> None:
 
 
 def _check_numbers(root: ElementTree.Element) -> None:
-    """Refuse places, axes, sizes and colours that are not the numbers they must be."""
+    """Refuse poses, axes, sizes and colours that are not the numbers they must be."""
     for element, place, top in read_elements(root):
         owner, tag = place.partition(": <")[0], element.tag
         if tag == "origin":
@@ -639,7 +643,7 @@ def _check_numbers(root: ElementTree.Element) -> None:
 def _vector(
     element: ElementTree.Element, key: str, label: str, count: int, default: str | None = None
 ) -> list[float]:
-    """`numbers` of lengths or angles."""
+    """`numbers` that are lengths or angles, none beyond `LARGEST`."""
     values = numbers(element, key, label, count, default)
     worst = max(values, key=abs)
     if abs(worst) > LARGEST:
@@ -647,21 +651,15 @@ def _vector(
     return values
 
 
-def _number(
-    element: ElementTree.Element | None, key: str, label: str, default: str | None = None
-) -> float:
-    """One number of an attribute, see `numbers`."""
-    return numbers(element, key, f"{label} {key}", 1, default)[0]
-
-
 def read_again(
     description: Description, root: ElementTree.Element, noun: str, *names: str
 ) -> Description:
-    """The URDF with changed elements.
+    """The description of a URDF whose elements were changed to `root`.
+
+    `names` are those of new links and joints, `noun` is what needs them in messages.
 
     Raises:
-        JointplayError: one of `names`, which are those of new links and joints, is taken; `noun`
-            needs it.
+        JointplayError: one of `names` is taken.
     """
     for name in names:
         if name in (*description.links, *description.joints):
@@ -683,7 +681,7 @@ def _link(joint: ElementTree.Element, end: str, links: Collection[str]) -> str:
 
 
 def _check_tree(path: Path, links: Collection[str], joints: Iterable[JointEntry]) -> None:
-    """Refuse links that do not hang together as one tree."""
+    """Refuse links that do not form one tree, or form one that is too deep."""
     above: dict[str, JointEntry] = {}
     for joint in joints:
         if joint.child in above:

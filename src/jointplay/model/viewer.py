@@ -1,4 +1,4 @@
-"""meshcat's server as one that a stranger's page cannot use and that ends with us.
+"""meshcat's server, run so that a stranger's page cannot use it and that it ends with its parent.
 
 As meshcat starts it, it listens on all interfaces, takes websockets without asking where they come
 from, and outlives a parent that was killed. Here it listens on the loopback interface, answers to
@@ -25,13 +25,13 @@ from jointplay.base.errors import JointplayError
 HOST = "127.0.0.1"
 
 _NAMES = (HOST, "localhost", "[::1]")
-"""Of this machine, which no page of a stranger can have."""
+"""Names of this machine only, under which no page of a stranger is served."""
 
 _LONGEST_ADDRESS = 100
-"""Bytes of a socket's name in the file system: 104 on macOS, 108 on Linux."""
+"""Most bytes of a socket's path: 104 are possible on macOS, 108 on Linux."""
 
 _WATCH_S = 0.5
-"""Interval at which the server looks whether its parent is there [s]."""
+"""Interval at which the server checks that its parent still runs [s]."""
 
 
 def visualizer() -> Any:
@@ -74,7 +74,7 @@ def visualizer() -> Any:
 
 
 def _end(process: subprocess.Popen[bytes], folder: Path, parent: int) -> None:
-    if os.getpid() != parent:  # a fork of it
+    if os.getpid() != parent:  # a fork of the process that began the server
         return
     process.kill()
     process.wait()
@@ -86,7 +86,10 @@ def main(address: str, parent: int) -> None:
     from meshcat.servers import zmqserver
 
     def refusal(handler: Any) -> int | None:
-        """A page that has its own name lead here asks for that name."""
+        """Status with which a request to another host's name is refused, or None.
+
+        A page whose own name was made to lead here (DNS rebinding) asks for that name.
+        """
         host = handler.request.headers.get("Host", "").lower()
         name = host if host.endswith("]") else host.rpartition(":")[0] or host
         return None if name in _NAMES else 421
@@ -116,14 +119,14 @@ def main(address: str, parent: int) -> None:
 
     bridge = Bridge(zmq_url=address, host=HOST)
 
-    def look() -> None:
-        if os.getppid() != parent:  # it has ended, however: the system gave us another
+    def watch() -> None:
+        if os.getppid() != parent:  # it has ended: the system has given this process another
             bridge.ioloop.stop()
-        bridge.ioloop.call_later(_WATCH_S, look)
+        bridge.ioloop.call_later(_WATCH_S, watch)
 
     # A signal on the parent's death would come with the end of the thread that began us, and a pipe
     # stays open in processes that the parent has forked.
-    look()
+    watch()
     sys.stdout.write(f"{bridge.web_url}\n")
     sys.stdout.flush()
     try:

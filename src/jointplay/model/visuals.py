@@ -1,9 +1,9 @@
-"""What a mechanism looks like: the URDF's shapes as surfaces on the links of any model of it.
+"""Visual and collision shapes of a mechanism: those of the URDF, on the frames of its links.
 
-A mechanism builds its own Pinocchio model, in which a joint with clearance is several joints and
-its frame is turned. Its link frames, however, are those of the URDF. Each shape therefore belongs
-to a link, by name, and stands where that link's frame stands. Meshes are read by `meshes`, all
-parts of them with their colours; where a mesh is missing capsules stand in.
+A mechanism's own Pinocchio model has several joints in place of one with clearance, and turned
+frames. Its link frames, however, are those of the URDF. Each shape therefore belongs to a link, by
+name, and stands where that link's frame stands. `meshes` reads the meshes, all parts with their
+colours; where a mesh is missing, capsules stand in.
 """
 
 from __future__ import annotations
@@ -33,40 +33,41 @@ if TYPE_CHECKING:
     from jointplay.model.mechanism import Mechanism
 
 TONES: tuple[Colour, ...] = ((0.79, 0.83, 0.87, 1.0), (0.66, 0.72, 0.79, 1.0))
-"""Of links without colour, by turns, so that one can be told from the next."""
+"""Colours of links without one, in turn, so that a link can be told from the next."""
 THICKNESS = 0.035
 """Radius of a stand-in, relative to the robot's reach."""
 _PACKAGE = re.compile(r"package://([\w-]+)/")
 _VIEW = (1.6, -1.6, 1.0)
-"""Where the camera stands, from the robot's middle, relative to the robot's reach."""
+"""Position of the camera from the robot's middle, relative to the robot's reach."""
 
 Form = tuple[str, tuple[float, ...]]
-"""``box`` and its sides; ``cylinder`` or ``capsule``, radius and length; ``mesh`` [m]."""
+"""Form of a shape: ``box`` and its sides; ``cylinder`` or ``capsule``, radius and length; ``mesh``
+[m]."""
 
 
 @dataclass(frozen=True, eq=False)
 class LinkShape:
-    """Surfaces on a link."""
+    """Surfaces of one shape on a link."""
 
     link: str
     frame: np.ndarray
-    """From the shape's frame to the link's (4, 4)."""
+    """Transform from the shape's frame to the link's (4, 4)."""
     scale: np.ndarray
-    """Of a mesh, along its axes (3,)."""
+    """Scale of a mesh along its axes (3,)."""
     form: Form
     file: str
-    """Of a mesh."""
+    """File of a mesh; else empty."""
     parts: Parts
     colours: tuple[Colour, ...]
-    """Of each part."""
+    """Colour of each part."""
     coloured: bool = False
-    """Whether the URDF gives its colour."""
+    """Whether the URDF gives the colour."""
     stands_in: bool = False
-    """Whether it takes the place of what is missing."""
+    """Whether the shape stands in for one that is missing."""
 
     @property
     def placement(self) -> np.ndarray:
-        """From the surfaces to the link's frame, their scale included (4, 4)."""
+        """Transform from the surfaces' points to the link's frame, with their scale (4, 4)."""
         return self.frame @ np.diag([*self.scale, 1.0])
 
 
@@ -88,9 +89,10 @@ class Look:
 def look(
     mechanism: Mechanism, folders: Sequence[str | Path] = (), collisions: bool = False
 ) -> Look:
-    """What is seen of `mechanism`, with or without clearance; meshes may be in `folders`, too.
+    """Shapes of `mechanism`; meshes may be in `folders`, too.
 
-    `collisions` takes the URDF's collision shapes, without stand-ins, instead of its visuals.
+    With `collisions` they are the URDF's collision shapes, without stand-ins, instead of its
+    visuals.
 
     Raises:
         JointplayError: a given folder does not exist.
@@ -98,17 +100,18 @@ def look(
     description = mechanism.description
     robot = description.declared
     where = mesh_folders(mechanism, folders)
+    # Poses of the links with all joints at zero give the robot's size, and those of stand-ins.
     source = parse(description)
     data = source.createData()
     pin.framesForwardKinematics(source, data, pin.neutral(source))
-    places = {  # of the links, all joints at zero
+    places = {
         frame.name: data.oMf[index].copy()
         for index, frame in enumerate(source.frames)
         if frame.type == pin.FrameType.BODY
     }
     points = np.array([place.translation for place in places.values()])
     reach = float(np.linalg.norm(points[:, None] - points[None], axis=2).max())
-    scene = Look([], reach if reach > 1e-6 else 0.3)
+    seen = Look([], reach if reach > 1e-6 else 0.3)
     tones = {name: TONES[number % len(TONES)] for number, name in enumerate(places)}
     bare = []
     for link in robot.links:
@@ -118,7 +121,7 @@ def look(
             form, file, parts = _surfaces(element.geometry, where, not description.stored)
             mesh = element.geometry.mesh
             if not parts:
-                scene.missing.append(mesh.filename or "")
+                seen.missing.append(mesh.filename or "")
                 continue
             frame = np.eye(4) if element.origin is None else np.array(element.origin)
             scale = np.ones(3) if mesh is None or mesh.scale is None else mesh.scale
@@ -127,23 +130,24 @@ def look(
             colours = tuple(declared or part.colour or tones[link.name] for part in parts)
             own_colour = declared is not None
             forms.append(LinkShape(link.name, frame, scale, form, file, parts, colours, own_colour))
-        scene.shapes.extend(form for form in forms if any(len(p.triangles) for p in form.parts))
+        seen.shapes.extend(form for form in forms if any(len(p.triangles) for p in form.parts))
         if elements and not forms:
             bare.append(link.name)
     if collisions:
-        return scene
+        return seen
+    # Links whose visuals are all missing get stand-ins; all links do if the URDF has no visuals.
     if not any(link.visuals for link in robot.links):
         bare = [link.name for link in robot.links]
-    for name, place, form in _stand_ins(mechanism, places, bare, THICKNESS * scene.reach):
+    for name, place, form in _stand_ins(mechanism, places, bare, THICKNESS * seen.reach):
         part, tone = surface_of(form), tones[name]
-        scene.shapes.append(
+        seen.shapes.append(
             LinkShape(name, place, np.ones(3), form, "", (part,), (tone,), stands_in=True)
         )
-    return scene
+    return seen
 
 
 def geometry_model(mechanism: Mechanism, seen: Look) -> pin.GeometryModel:
-    """What is seen of `mechanism` as Pinocchio's geometry for its model, an object each."""
+    """Shapes of `mechanism` as Pinocchio's geometry for its model, an object for each."""
     geometry, counts = pin.GeometryModel(), dict.fromkeys(mechanism.description.links, 0)
     for shape in seen.shapes:
         index = mechanism.model.getFrameId(shape.link, pin.FrameType.BODY)
@@ -203,7 +207,7 @@ def visualizer(mechanism: Mechanism, folders: Sequence[str | Path], open_browser
 
 
 def mesh_folders(mechanism: Mechanism, further: Sequence[str | Path] = ()) -> list[Path]:
-    """Where meshes are looked for: `further`, the robot's own folders and packages, others' data.
+    """Folders in which meshes are looked for: `further`, the robot's own, example-robot-data's.
 
     A mechanism from a result has no folders of its own: what others wrote into a file must not
     choose among the files here.
@@ -221,15 +225,15 @@ def mesh_folders(mechanism: Mechanism, further: Sequence[str | Path] = ()) -> li
 
 
 def folders_of(path: Path, text: str) -> list[Path]:
-    """Folders of a robot's file and of the packages that its text names."""
+    """Folders above a robot's file, and of the packages that its text names."""
     path = path.resolve()
-    # package://name/meshes beside name/urdf
+    # package://name/meshes is beside name/urdf
     beside = (packages.find(name, path) for name in dict.fromkeys(_PACKAGE.findall(text)))
     return [Path.cwd(), *list(path.parents)[:4], *filter(None, beside)]
 
 
 def collected_folders() -> list[Path]:
-    """Folders of example-robot-data."""
+    """Folders of example-robot-data, if it is installed."""
     try:
         files = distribution("example-robot-data").files or []
     except PackageNotFoundError:
@@ -243,11 +247,11 @@ def collected_folders() -> list[Path]:
 
 
 def find_mesh(name: str, folders: Sequence[Path], anywhere: bool = True) -> Path | None:
-    """File that a URDF's mesh `name` means: a path, a file:// or a package:// address.
+    """File that a URDF's mesh `name` means, a path or a file:// or package:// address, or None.
 
     ``package://p/rest`` is looked for as ``folder/p/rest``, as ``folder/rest`` and, because folders
-    are moved when robots are collected, as ``folder/*/rest``. Unless `anywhere` it must lie inside
-    them: no absolute path, and none that leads out.
+    are moved when robots are collected, with leading folders of ``rest`` left out. Unless
+    `anywhere`, the file must lie inside the folders: no absolute path, and none that leads out.
     """
     try:
         return _find(name, folders, anywhere)
@@ -306,7 +310,7 @@ def _surfaces(geometry: Any, where: Sequence[Path], anywhere: bool) -> tuple[For
 
 @lru_cache(maxsize=256)
 def surface_of(form: Form) -> Surface:
-    """Surface of a box, a cylinder or a capsule about its middle; without length it is a ball."""
+    """Surface of a box, cylinder or capsule about its middle; without length it is a ball."""
     import trimesh
 
     word, sizes = form
@@ -319,12 +323,12 @@ def surface_of(form: Form) -> Surface:
         mesh.vertices -= mesh.bounds.mean(axis=0)
     else:
         mesh = trimesh.creation.uv_sphere(1.0, count=[24, 32])
-        mesh.vertices *= sizes[0]  # of one of a millimetre trimesh would leave no triangle
+        mesh.vertices *= sizes[0]  # trimesh would leave no triangle of a ball of a millimetre
     return surface(mesh.vertices, mesh.faces)
 
 
 def _solid(shape: LinkShape) -> Any:
-    """A shape as a body of coal's; of a mesh all parts are one.
+    """A shape as a body for coal; all parts of a mesh become one.
 
     coal's own loader (3.0.3) has the triangles of a file's second part use the points of the first.
     """
@@ -347,7 +351,7 @@ def _solid(shape: LinkShape) -> Any:
 
 
 def _colour(material: Any, robot: Any) -> Colour | None:
-    """Colour that the URDF gives a shape, by itself or by a name."""
+    """Colour that the URDF gives a shape, by itself or by the name of a material; or None."""
     if material is None:
         return None
     named = next((m for m in robot.materials if m.name == material.name), None)
@@ -361,10 +365,14 @@ def _colour(material: Any, robot: Any) -> Colour | None:
 def _stand_ins(
     mechanism: Mechanism, places: dict[str, pin.SE3], links: Sequence[str], radius: float
 ) -> list[tuple[str, np.ndarray, Form]]:
-    """Link, place of its middle (z along it) and form of capsules from each of `links`.
+    """Capsules and balls that stand in for the shapes of `links`.
 
-    To the links that it carries and to the ends of loops on it, or to its centre of mass; a ball at
-    the link's frame. `places` of all frames, at zero; `radius` [m].
+    Each link gets a ball at its frame, and capsules from there to the links that it carries and to
+    the ends of loops on it, or else to its centre of mass. `places`: poses of all links, joints at
+    zero; `radius` [m].
+
+    Returns:
+        Link, pose of the middle in it, z along the capsule (4, 4), and form.
     """
     robot = mechanism.description.declared
     origins = {

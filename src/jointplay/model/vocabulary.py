@@ -1,4 +1,9 @@
-"""What a URDF is made of: its elements, their attributes, and how numbers are written in it."""
+"""The vocabulary of URDF: its elements, their attributes, and how numbers are written in it.
+
+Programs of all kinds put elements of their own into URDFs, so that an unknown word cannot be an
+error by itself. One that resembles a known word, or stands where no program puts its own, is taken
+for a slip and refused (`check_words`); the rest is told (`unread`).
+"""
 
 from __future__ import annotations
 
@@ -19,28 +24,30 @@ from jointplay.base.tables import few
 from jointplay.base.units import NUMBER, not_lost
 
 BEYOND = "beyond_urdf"
-"""Element of a robot that holds, as JSON, what no URDF says."""
+"""Element of a robot with contents for which URDF has no words, as JSON (`urdf.Beyond`)."""
 
 _INFINITE = re.compile(r"[+-]?inf(inity)?", re.ASCII | re.IGNORECASE)
 
 
 class Words(NamedTuple):
-    """What an element may have; what has a prefix (``drake:``) is another program's always."""
+    """Words inside an element; one with a prefix (``drake:``) always belongs to another program."""
 
     attributes: tuple[str, ...] = ()
+    """Attributes that are known."""
     elements: tuple[str, ...] = ()
+    """Child elements that are known."""
     several: tuple[str, ...] = ()
-    """Of the elements, those of which there may be more than one."""
+    """Child elements of which there may be more than one."""
     others: tuple[str, ...] = ()
-    """What other programs put there, although it resembles these or belongs elsewhere."""
+    """Other programs' words, although they resemble known ones or belong elsewhere."""
     meant: Mapping[str, str] = MappingProxyType({})
-    """What people write who mean one of these."""
+    """Known words by what people write instead."""
     exclusive: bool = False
-    """Whether nothing else may stand there: no program puts its own into it."""
+    """Whether all other words are slips, because no program puts its own here."""
 
 
 MIRRORED = {"iyx": "ixy", "izx": "ixz", "izy": "iyz"}
-"""Entries of an inertia that some write besides, and those that they must equal."""
+"""Entries of an inertia that some write besides, and the entries that they must equal."""
 _SHAPED = Words(("name",), ("origin", "geometry", "material"), ("material",))
 
 WORDS = {
@@ -88,17 +95,17 @@ WORDS = {
     "material": Words(("name",), ("color", "texture")),
     "color": Words(("rgba",), exclusive=True),
 }
-"""By element. Those that are not here are other programs'; nobody looks into them."""
+"""Words inside each element. Elements that are not here are other programs' and not looked into."""
 
 
 JOINT_TYPES = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
 """Types of joint that Pinocchio reads."""
 
 _SHOWN = 30
-"""Letters that are shown of a text that nobody reads."""
+"""Letters of an unread text that messages show."""
 
 _ALIKE = 0.7
-"""Likeness from which a word is a slip of the pen rather than another program's."""
+"""Likeness to a known word from which a word is a slip rather than another program's."""
 
 
 def check_words(root: ElementTree.Element) -> None:
@@ -126,7 +133,7 @@ def check_words(root: ElementTree.Element) -> None:
 
 
 def unread(root: ElementTree.Element) -> list[str]:
-    """Words and text that nobody reads in elements that are read, in one line if there are any."""
+    """A line on the words and texts that are not read in elements that are; none without any."""
     places: dict[str, list[str]] = {}
     for element, place, _ in read_elements(root):
         vocabulary, texts = WORDS[element.tag], [element.text, *(child.tail for child in element)]
@@ -141,14 +148,18 @@ def unread(root: ElementTree.Element) -> list[str]:
 
 
 def _foreign(word: str, known: Collection[str]) -> bool:
+    """Whether a word is neither known nor has the prefix or namespace of another program."""
     return not (word in known or ":" in word or "}" in word)
 
 
 def read_elements(
     element: ElementTree.Element, top: ElementTree.Element | None = None
 ) -> Iterator[tuple[ElementTree.Element, str, ElementTree.Element | None]]:
-    """The element and all in it that is read: each, where it is in words, and the link, joint or
-    material `top` that it belongs to (None: the robot).
+    """An element and all elements in it that are read.
+
+    Yields:
+        Each element; its place, such as ``link 'arm': <origin>``; and the link, joint or material
+        to which it belongs (None: the robot).
     """
     place = "the robot" if top is None else f"{top.tag} {top.get('name', '')!r}"
     yield element, place if element is top or top is None else f"{place}: <{element.tag}>", top
@@ -165,6 +176,10 @@ def _check(
     vocabulary: Words,
     elsewhere: Collection[str],
 ) -> None:
+    """Refuse a `word` at a `place` if it is a slip for a `known` one, or belongs `elsewhere`.
+
+    `shown`: the word as messages have it, in quotes or brackets.
+    """
     if word in vocabulary.others or not _foreign(word, known):
         return
     likeness = _ALIKE if not vocabulary.exclusive else 0.6 if len(known) > 1 else 0.0
@@ -172,11 +187,11 @@ def _check(
     meant = f'did you mean "{near}"? ' if near else closest(word, known, likeness)
     if meant or vocabulary.exclusive:
         choices = ", ".join(known) or "nothing"
-        raise JointplayError(f"{place} has {shown}, which nobody reads; {meant}known: {choices}")
+        raise JointplayError(f"{place} has {shown}, which is not read; {meant}known: {choices}")
     if word in elsewhere:
         homes = [f"<{tag}>" for tag, its in WORDS.items() if word in its.elements]
         raise JointplayError(
-            f"{place} has {shown}, where nobody reads it; it belongs in {' or '.join(homes)}"
+            f"{place} has {shown}, where it is not read; it belongs in {' or '.join(homes)}"
         )
 
 
@@ -188,12 +203,19 @@ def numbers(
     default: str | None = None,
     infinite: bool = False,
 ) -> list[float]:
-    """`count` numbers of an attribute `key`, which must be there if it has no `default`.
+    """Read `count` numbers of an attribute, as all programs read them.
 
-    Of a mass that Python reads and other programs do not, such as ``4_35``, Pinocchio makes 0
-    without a word. In the element the numbers are then separated by single spaces: of a mass with a
-    space behind it it makes 0, too, and it does not read vectors with tabs or line ends in them.
-    `label` they are called in messages; whether they may be `infinite`.
+    A mass that Python reads and Pinocchio does not, such as ``4_35``, becomes 0 there without a
+    word. So only plain numbers are taken, and the element gets them separated by single spaces: a
+    mass with a space behind it becomes 0, too, and vectors with tabs or line ends are not read.
+
+    Args:
+        element: the element; None: it is missing.
+        key: name of the attribute.
+        label: what messages call it.
+        count: 1, 3 or 4.
+        default: text of an attribute that is missing; None: it must be there.
+        infinite: whether numbers may be infinite.
 
     Raises:
         JointplayError: they are not so many finite numbers.
@@ -215,7 +237,7 @@ def numbers(
 
 
 def _number(text: str) -> float:
-    """A number that a float can hold; NaN of any other text."""
+    """A number that a float can hold; NaN for any other text."""
     try:
         value = not_lost(text) if NUMBER.fullmatch(text) else math.nan
     except ValueError:  # too small
@@ -224,7 +246,7 @@ def _number(text: str) -> float:
 
 
 def as_option(names: Sequence[str]) -> str:
-    """Names as ``--fix`` and ``--allow-unphysical`` take them: with commas, quoted if need be."""
+    """Names as ``--fix`` and ``--allow-unphysical`` take them: with commas, quoted for a shell."""
     written = io.StringIO()
     csv.writer(written, lineterminator="").writerow(names)
     return shlex.quote(written.getvalue())

@@ -1,9 +1,9 @@
 """xacro, ROS's macro language for robots: a file is expanded into a URDF by the library `xacro`.
 
-That is done by a process of its own (`model.xacro_expansion`), which reads what is given to it
-here: files of the robot's own folder and package, and of packages that it names (`packages.find`).
-What the URDF says of folders here is said as ``package://NAME/...``, or relative to the file, so
-that it means the same elsewhere.
+A process of its own expands it (`model.xacro_expansion`), and reads only what it is given here:
+files of the robot's own folder and package, and of packages that it names (`packages.find`). Paths
+of this machine in the URDF become ``package://NAME/...``, or relative to the file, so that they
+mean the same elsewhere.
 """
 
 from __future__ import annotations
@@ -27,27 +27,27 @@ from jointplay.model import packages
 from jointplay.model.vocabulary import BEYOND
 
 Value = str | bool | int | float
-"""Of an argument; text is taken as it is, as if typed."""
+"""Value of an argument; text is taken as it is, as if typed."""
 NAMESPACE = "xmlns:xacro"
 SUFFIX = ".xacro"
-"""Of files that are expanded; of others those only that are given an argument."""
+"""Suffix of files that are expanded; others are only if they are given an argument."""
 
 TIME_S = 10.0
 """Longest processor time that expanding a robot may take [s]; large ones take 1 s."""
 
 ROOM = 1e9
-"""Memory that it may take [bytes]; large ones take a tenth."""
+"""Most memory that expanding a robot may take [bytes]; large ones take a tenth."""
 
 _USED = re.compile(r"<xacro:(?:arg|include|property|macro|if|unless)\b|\$\{|\$\(")
 _Key = tuple[Path, tuple[tuple[str, str], ...], tuple[Path, ...]]
 _expanded: dict[_Key, tuple[dict[Path, tuple[int, int]], str]] = {}
-"""Files that were read for it, with their times and sizes, and the URDF that was made."""
+"""Robots that were expanded: stamps of the files that were read, and the URDF."""
 _MOST_EXPANDED = 32
-"""Robots kept: of a study with several, each of some 100 kB (judged)."""
+"""Most robots kept: enough for a study with several, each of some 100 kB (judged)."""
 
 
 def uses_xacro(text: str) -> bool:
-    """Whether a URDF uses it: many a one declares xacro in vain, or has a call left."""
+    """Whether a URDF uses xacro; many declare it in vain."""
     return NAMESPACE in text and bool(_USED.search(without_comments(text)))
 
 
@@ -61,12 +61,12 @@ def without_comments(text: str) -> str:
 
 
 def expand(text: str, path: Path, arguments: Mapping[str, Value], usual: Mapping[str, str]) -> str:
-    """The URDF that a file makes of its arguments; made once as long as no file changes.
+    """Expand a file with arguments into a URDF; once as long as no file changes.
 
     Args:
         text, path: the file.
-        arguments: given by the user; each must be one that the file asks for.
-        usual: those that count where none are given.
+        arguments: given by the user; the file must ask for each.
+        usual: default values of arguments.
 
     Raises:
         JointplayError: the library is missing, or the file, or one that it includes, is not as it
@@ -89,11 +89,12 @@ def expand(text: str, path: Path, arguments: Mapping[str, Value], usual: Mapping
 
 
 def as_text(value: Value) -> str:
-    """An argument as it would be typed."""
+    """Text of an argument as it would be typed."""
     return str(value).lower() if isinstance(value, bool) else str(value)
 
 
 def _stamp(file: Path) -> tuple[int, int]:
+    """Time of the last change [ns] and size [bytes] of a file; zeros if it is gone."""
     try:
         status = file.stat()
     except OSError:
@@ -102,11 +103,12 @@ def _stamp(file: Path) -> tuple[int, int]:
 
 
 class _Files:
-    """What a xacro may read: its own folder, and packages."""
+    """Files that a xacro may read: of its own folder and package, and of packages it names."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
         self.read = {path}
+        """Files that were read."""
         self.folders: dict[str, Path] = {}
         """Folders of packages, by name."""
         real = path.resolve()
@@ -116,10 +118,13 @@ class _Files:
             self._roots.add(home)
 
     def give(self, request: str, subject: str) -> Any:
-        """An answer to what the other process asks: text of a file, names of files, a folder.
+        """Answer to a request of the other process.
+
+        ``find`` gives the folder of a package, ``match`` names of files by a pattern, and ``read``
+        the text of a file.
 
         Raises:
-            JointplayError: it may not have that.
+            JointplayError: the xacro may not read that.
             OSError: there is no such file.
         """
         if request == "find":
@@ -160,7 +165,7 @@ class _Files:
 
 
 def _package(folder: Path) -> set[Path]:
-    """Where a package is, with the place that an installation links to; none if it is none."""
+    """Folder of a package, and the one that an installation links to; empty if it is none."""
     described = folder / "package.xml"
     real = described.resolve()
     if not real.is_file() or real.name != described.name:
@@ -169,7 +174,7 @@ def _package(folder: Path) -> set[Path]:
 
 
 def _expand(files: _Files, arguments: Mapping[str, str]) -> tuple[str, list[str]]:
-    """The URDF, and arguments that were asked for."""
+    """Have a process expand the file: the URDF, and the arguments that were asked for."""
     with extra("xacro", "xacro"):
         if find_spec("xacro") is None:
             raise ImportError("it is not installed")
@@ -197,6 +202,7 @@ def _expand(files: _Files, arguments: Mapping[str, str]) -> tuple[str, list[str]
 def _answer(
     files: _Files, arguments: Mapping[str, str], request: str, subject: str
 ) -> dict[str, Any]:
+    """Message that answers a request: what it gives, or how it failed or was refused."""
     if request == "begin":
         return {"gives": dict(arguments)}
     try:
@@ -208,7 +214,7 @@ def _answer(
 
 
 def _saying(text: str, notes: Sequence[str]) -> str:
-    """A URDF with words that come to its doubts (`urdf.doubts`)."""
+    """A URDF's text with notes that join its doubts (`urdf.doubts`)."""
     if not notes:
         return text
     inside = escape(json.dumps({"doubts": notes}), quote=False)
@@ -217,7 +223,7 @@ def _saying(text: str, notes: Sequence[str]) -> str:
 
 
 def _portable(text: str, folder: Path, folders: Mapping[str, Path]) -> str:
-    """A URDF that names no folder of this machine, as far as its packages and its own one go."""
+    """A URDF's text without this machine's paths of its own folder and of packages."""
     names = {f"{place}/": f"package://{name}/" for name, place in folders.items()}
     for place, name in ({f"{folder}/": ""} | names).items():
         # Some write file:///$(find NAME).

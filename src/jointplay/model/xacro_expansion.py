@@ -1,10 +1,10 @@
-"""The process that expands a xacro (`model.xacro`): it has nothing but what it asks for.
+"""The process that expands a xacro for `model.xacro`: a sandbox that gets only what it asks for.
 
 The library `xacro` evaluates expressions of the file as Python. Here they are a language of their
 own: numbers, texts, lists and tables with their operators and methods, functions that the library
-provides, and nothing that leads from these to Python's inside. Beneath that the process can open
+provides, and nothing that leads from these to Python's internals. Besides, the process can open
 nothing, import nothing and see no environment: files come from the process that began it, which
-gives those of the robot only.
+gives the robot's own only.
 """
 
 import ast
@@ -25,7 +25,7 @@ from jointplay.base.units import NUMBER, not_lost
 
 _REFUSED = (ast.Await, ast.Yield, ast.YieldFrom, ast.NamedExpr)
 _AUDITED = {"compile", "exec", "builtins.id"}
-"""What Python reports (PEP 578) of evaluating and copying; all else that it reports is refused."""
+"""Audit events (PEP 578) of evaluating and copying; all others are refused."""
 
 _DATA = (bool, int, float, str, list, tuple, dict, set, frozenset)
 """Types whose methods an expression may call."""
@@ -34,11 +34,11 @@ _ATTRIBUTE = "<attribute>"  # no name that an expression could write
 
 
 class Refused(Exception):
-    """A file wants what no xacro may have, or what is not there; the words say what."""
+    """A file wants what no xacro may have, or what is not there; the message says what."""
 
 
 class _Arguments(dict[str, str]):
-    """Arguments that remember which were asked for, and which of these was missing."""
+    """Arguments by name, with those that were asked for, and the one that was missing."""
 
     def __init__(self, values: Mapping[str, str]) -> None:
         super().__init__(values)
@@ -59,7 +59,7 @@ class _Arguments(dict[str, str]):
 
 
 class _Parent:
-    """The process that began this one, which answers questions; a line of JSON for each."""
+    """The process that began this one, which answers requests; a line of JSON for each."""
 
     def __init__(self) -> None:
         self._in, self._out = sys.stdin.buffer, sys.stdout.buffer
@@ -69,11 +69,11 @@ class _Parent:
         self._out.flush()
 
     def ask(self, request: str = "begin", subject: str = "") -> Any:
-        """What it gives.
+        """The parent's answer to a request (`xacro._Files.give`).
 
         Raises:
             OSError: there is no such file, or it cannot be read.
-            Refused: it may not be had.
+            Refused: the file may not be read.
         """
         self.tell(ask=request, of=str(subject))
         answer = json.loads(self._in.readline())
@@ -85,8 +85,9 @@ class _Parent:
 
 
 def serve(path: str) -> None:
-    """Expand the file, and tell what came of it."""
+    """Main function of the process: expand the file, and tell the parent the URDF or a fault."""
     parent = _Parent()
+    # All that is needed is imported before the process is closed.
     import xacro
     from xacro import substitution_args  # with yaml, which is imported later otherwise
 
@@ -109,21 +110,22 @@ def serve(path: str) -> None:
 
 
 def _audit(event: str, _: Any) -> None:
+    """Audit hook that refuses all but `_AUDITED` events."""
     if event not in _AUDITED:
         raise Refused(f"no xacro may do what Python calls {event}")
 
 
 def _confine(parent: _Parent, xacro: Any) -> list[str]:
-    """Have the library evaluate as `_evaluate` does, and take all that it reads from the parent.
+    """Make the library evaluate by `_evaluate`, and take all that it reads from the parent.
 
     Returns:
-        Its warnings, as they come.
+        The library's warnings, a list that fills while it works.
     """
     warnings: list[str] = []
 
     def warn(*parts: Any, **_: Any) -> None:
         text = " ".join(map(str, parts))
-        if "deprecated" not in text:  # which changes nothing
+        if "deprecated" not in text:  # the URDF is the same
             warnings.append(text)
 
     substitution = xacro.substitution_args
@@ -141,6 +143,8 @@ def _confine(parent: _Parent, xacro: Any) -> list[str]:
         names = _Substitution(substitution, context.get("arg", {}))
         return str(_evaluate(text, names, xacro))
 
+    # Files, patterns and expressions of the library itself; then what $(find), $(env) and $(eval)
+    # call; then its namespace `python`.
     xacro.warning = warn
     xacro.open = lambda name: io.StringIO(parent.ask("read", name))
     xacro.glob = SimpleNamespace(glob=lambda pattern: parent.ask("match", pattern))
@@ -157,7 +161,7 @@ def _confine(parent: _Parent, xacro: Any) -> list[str]:
 
 
 class _Substitution(dict[str, Any]):
-    """What ``$(eval ...)`` knows: the library's functions, and arguments by their names."""
+    """Names in ``$(eval ...)``: the library's functions, and arguments by their names."""
 
     def __init__(self, substitution: Any, arguments: Mapping[str, str]) -> None:
         known = substitution._eval_dict
@@ -170,13 +174,14 @@ class _Substitution(dict[str, Any]):
 
 
 def _type(value: Any) -> type:
+    """``type`` for data only: the type of anything else would lead to Python's internals."""
     if type(value) not in _DATA:
         raise Refused(f"python.type: of {type(value).__name__}")
     return type(value)
 
 
 class _Checked(ast.NodeTransformer):
-    """Refuses names that lead to Python's inside, and has `_attribute` look up what has a dot."""
+    """Refuses names that lead to Python's internals; `_Attributes` looks up what has a dot."""
 
     def generic_visit(self, node: ast.AST) -> ast.AST:
         if isinstance(node, _REFUSED):
@@ -194,7 +199,7 @@ class _Checked(ast.NodeTransformer):
 
 
 def _evaluate(text: str, names: dict[str, Any], xacro: Any) -> Any:
-    """The value of an expression."""
+    """The value of an expression, after `_Checked`, without Python's built-in names."""
     try:
         tree = _Checked().visit(ast.parse(text.strip(), "<expression>", "eval"))
         code = compile(ast.fix_missing_locations(tree), "<expression>", "eval")
@@ -231,7 +236,7 @@ class _Attributes:
 
 
 class _Formatter(string.Formatter):
-    """Fills in values, but no attributes of them."""
+    """Formatter that fills in values, but no attributes of them."""
 
     def get_field(self, field_name: str, args: Any, kwargs: Any) -> Any:
         if "." in field_name:
@@ -246,6 +251,7 @@ _FORMATS: dict[str, Callable[[str], Callable[..., str]]] = {
 
 
 def _require_links(root: Any, path: str, parent: _Parent) -> None:
+    """Refuse a robot without links, as of a file that only defines macros."""
     if root.tagName != "robot" or root.getElementsByTagName("link"):
         return
     elements = minidom.parseString(parent.ask("read", path)).getElementsByTagName("xacro:macro")
@@ -255,7 +261,7 @@ def _require_links(root: Any, path: str, parent: _Parent) -> None:
 
 
 def _passed_over(document: Any) -> Iterator[str]:
-    """What the library takes otherwise than it stands in a file, and does not warn of."""
+    """Notes on what the library takes otherwise than the file has it, without a warning."""
     for element in document.getElementsByTagName("*"):
         tag = element.tagName
         for name, value in element.attributes.items():
@@ -281,13 +287,13 @@ def _passed_over(document: Any) -> Iterator[str]:
 
 
 _DEFINE = {"property": "value", "arg": "default", "macro": ""}
-"""Elements that give a name its value, and the attribute that has it; empty: what is inside."""
+"""Elements that define a name, and the attribute with its value; empty: their content is it."""
 _PASSED_ON = ("macro", "if", "unless", "element")
-"""Elements whose text the URDF has."""
+"""Elements whose text goes into the URDF."""
 
 
 def _misread(text: str) -> bool:
-    """Whether Python takes a text for another number than it shows."""
+    """Whether Python reads a text as a number, but other programs read another one, or none."""
     try:
         float(text)
     except ValueError:
@@ -302,13 +308,14 @@ def _misread(text: str) -> bool:
 
 
 def _causes(error: Any) -> Iterator[Any]:
+    """An error of the library, and the errors that it wraps, outermost first."""
     while isinstance(error, Exception):
         yield error
         error = getattr(error, "exc", None)
 
 
 def _fault(error: Exception, path: str, arguments: _Arguments, xacro: Any) -> str:
-    """What is wrong, and where: the file, the one that it includes, the macro."""
+    """Message on an error, with the included file and the macro in which it came up."""
     *_, cause = _causes(error)
     name = arguments.missing
     if name and cause.args == (name,):

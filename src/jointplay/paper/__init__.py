@@ -1,6 +1,6 @@
-"""The paper's study: its cases, its figures and its claims.
+"""Reproduction of the paper's study: its cases, its figures and its claims.
 
-Nothing but the command line imports it.
+Only the command line imports it.
 """
 
 import lazy_loader

@@ -1,4 +1,4 @@
-"""Cases of the paper's study: the SCARA with and without clearance, balanced and loaded."""
+"""Cases of the paper's study: the SCARA, ideal and with two clearances, and how they are run."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from jointplay.study.certification import add_errors
 
 @cache
 def scenario() -> Scenario:
-    """The study as a scenario file."""
+    """The scenario of the study, as shipped."""
     return Scenario.load(shipped("scara.toml"))
 
 
@@ -40,31 +40,33 @@ CASES = {
 }
 """Clearance C_r = C_a of each case [m] (Table 4)."""
 VARIANTS = {"consistent": ("scara.urdf", ()), "as printed": ("scara_as_printed.urdf", ("arm1",))}
-"""URDF and the links whose inertia no rigid body has, used because they were printed."""
+"""URDF of each inertia variant, and its links whose printed inertia no rigid body can have."""
 
-_RECORD_EVERY = 50  # of the perturbed runs
+_RECORD_EVERY = 50
+"""Steps from record to record in the perturbed runs."""
 
 JUDGED_FROM_S = 0.15
-"""Start that figures of the study leave out [s]: so long do journals bounce that fall under their
-weight at restitution 0.9 (0.14 s at 0.2 mm, 0.2 s at 0.5 mm; `simulation.run`)."""
+"""Time from which figures of the study are taken [s]: before, journals that fall under their weight
+bounce at restitution 0.9 (0.14 s at 0.2 mm, 0.2 s at 0.5 mm; `simulation.run`)."""
 
 EARLY_S = 0.5
 EARLY = f"peak joint force, first {EARLY_S:g} s"
-"""Figure of the first strokes, before impacts have magnified small differences."""
+"""End [s] and name of a figure of the first strokes, before impacts have magnified small
+differences."""
 
 METHODS: dict[str, dict[str, Any]] = {
     "multi-rate, 10 µs": {"integrator": "multi-rate", "step": 1e-5},
     "semi-implicit-euler, 10 µs": {"integrator": "semi-implicit-euler", "step": 1e-5},
     "tolerance 1e-7": {"integrator": "multi-rate", "tolerance": 1e-7, "duration": EARLY_S},
 }
-"""How the cases are integrated, side by side: as the package does by default; explicitly with the
-paper's fixed step; with the paper's integration tolerance (Table 3), for the first strokes only: it
+"""Methods that integrate the cases, for comparison: the package's default; an explicit one with the
+paper's fixed step; the paper's integration tolerance (Table 3), for the first strokes only, as it
 takes ten times as long."""
 
 
 @dataclass(frozen=True)
 class Condition:
-    """Gravity and inertia variant under which cases are run and claims are judged."""
+    """Direction of gravity and inertia variant under which cases are run and claims are judged."""
 
     gravity: str
     variant: str
@@ -83,20 +85,20 @@ def scara(
     seed: int | None = None,
     integrator: str = DEFAULT,
 ) -> Simulation:
-    """One run of the paper's SCARA with clearances C_r = C_a [m]; None: the ideal robot."""
+    """Simulation of the paper's SCARA with clearances C_r = C_a [m]; None: the ideal robot."""
     urdf, unphysical = VARIANTS[condition.variant]
     robot = {"urdf": urdf, "gravity": condition.gravity, "allow_unphysical": list(unphysical)}
     changes: dict[str, Any] = {"robot": robot, "output": {"record_every": record_every}}
     changes["integration"] = {"integrator": integrator} | ({} if seed is None else {"seed": seed})
     if clearance is None:
         return scenario().simulation("ideal", changes)
-    # Any case with clearance will do: the clearance is all in which they differ.
+    # Any case with clearance will do, as only the clearance differs between them.
     play = {"radial_clearance": clearance, "axial_clearance": clearance}
     return scenario().simulation("0.2 mm", changes | {"joints": {JOINT: play}})
 
 
 def judged(simulation: Simulation) -> Simulation:
-    """The same, judged from when the study judges, if it has play and lasts longer."""
+    """The simulation judged from `JUDGED_FROM_S` on, if it has play and lasts longer."""
     duration = simulation.duration or (simulation.motion.duration if simulation.motion else 0.0)
     if not simulation.mechanism.clearance or duration <= JUDGED_FROM_S:
         return simulation
@@ -117,7 +119,7 @@ def perturbed(condition: Condition, label: str, seed: int, integrator: str = DEF
 
 
 def length() -> float:
-    """What a run simulates [s]."""
+    """Duration of the study's motion [s]."""
     motion = scara(None).motion
     assert motion is not None
     return motion.duration
@@ -133,14 +135,14 @@ def run_case(
     """Simulate one of the three cases, save it, and certify it.
 
     Raises:
-        KeyboardInterrupt: after Ctrl-C, when the case has been saved as far as it came.
+        KeyboardInterrupt: Ctrl-C; the case has been saved as far as it came.
     """
     simulation = judged(scara(CASES[label], condition, integrator=integrator))
     file = out / FILES[label]
     run = Run(simulation, progress)
     run.label = f"case {label} "
     _, result = run_and_save(run, file, progress, {"title": scenario().title, "case": label})
-    assert result is not None  # it is no long run
+    assert result is not None  # only long runs are left in their file alone
     if result.status == Status.INTERRUPTED or signals.stop_requested():
         raise KeyboardInterrupt
     add_errors(result, file, simulation, progress, claims=True)
@@ -151,14 +153,16 @@ def run_case(
 
 @dataclass(frozen=True)
 class MethodFigures:
-    """What a method finds of a case."""
+    """Figures of a case by one of the `METHODS`."""
 
-    figures: dict[str, float]  # by the names of certificates, and `EARLY`
-    warnings: tuple[str, ...]  # of the run's audit
+    figures: dict[str, float]
+    """Figures by their names in certificates, and `EARLY`."""
+    warnings: tuple[str, ...]
+    """Warnings of the run's audit."""
 
 
 def early_peak(result: Result) -> float:
-    """Largest force at the joint from when the run is judged until `EARLY_S` [N]."""
+    """Largest force at the joint from the time the run is judged until `EARLY_S` [N]."""
     name, at = "joint_force_peak", {"joint": JOINT}
     if not result.joints:
         name, at = "reaction_force", {"moving_joint": JOINT}
@@ -176,8 +180,7 @@ def _ideal_with(method: str, condition: Condition) -> Result:
 
 
 def by_method(label: str, method: str, condition: Condition = CONDITIONS[0]) -> MethodFigures:
-    """Figures of the case `label` by one of the `METHODS`, and of its ideal twin by the same."""
-
+    """Figures of the case `label` by one of the `METHODS`, against its ideal twin by the same."""
     result = _with(CASES[label], method, condition).completed(f"{label}, {method}")
     values = {EARLY: early_peak(result)}
     if METHODS[method].get("duration", np.inf) > EARLY_S:

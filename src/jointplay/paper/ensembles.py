@@ -1,4 +1,4 @@
-"""Ensembles of perturbed runs, and what they say of the paper's claims."""
+"""Ensembles of perturbed runs, and the verdicts on the paper's claims that they give."""
 
 from __future__ import annotations
 
@@ -24,7 +24,8 @@ from jointplay.simulation.initial import PERTURBATION
 from jointplay.simulation.result.stored import versions
 from jointplay.study.study import Memory, Study
 
-_LOOK_S = 0.2  # interval at which progress is looked at
+_LOOK_S = 0.2
+"""Interval at which progress is shown [s]."""
 
 
 class Ensembles:
@@ -33,8 +34,8 @@ class Ensembles:
     Args:
         runs: perturbed runs for each clearance and condition.
         jobs: processes; None takes one for each core.
-        condition: under which the cases are also run by other methods.
-        integrator: of the perturbed runs; the other methods are those of `METHODS` without it.
+        condition: condition under which the cases are also run by other methods.
+        integrator: method of the perturbed runs; the other methods are the rest of `METHODS`.
     """
 
     def __init__(
@@ -58,25 +59,26 @@ class Ensembles:
         plan |= {key: partial(cases.perturbed, *key, integrator) for key in self.plan}
         self._outcomes = Memory[Any]()
         self._study: Study[Callable[[], Any], Any] = Study(plan, call, self._outcomes)
-        self.to_simulate = len(plan) * cases.length()  # what its runs simulate [s]
+        self.to_simulate = len(plan) * cases.length()
+        """Simulated time of all runs [s]."""
 
     @property
     def measures(self) -> dict[tuple[cases.Condition, str, int], Measures]:
-        """Of the perturbed runs so far, by condition, case and seed."""
+        """Measures of the perturbed runs so far, by condition, case and seed."""
         return {key: self._outcomes[key] for key in self.plan if key in self._outcomes}
 
     @property
     def others(self) -> dict[tuple[str, str], cases.MethodFigures]:
-        """What other methods found so far, by case and method."""
+        """Figures by other methods so far, by case and method."""
         return {key: self._outcomes[key] for key in self._methods if key in self._outcomes}
 
     @contextmanager
     def started(self) -> Iterator[Future[None]]:
-        """Run in the background while the block runs; Ctrl-C in the block ends the processes.
+        """Run in the background while the block runs; yields the future for `wait`.
 
-        Yields what `wait` waits for.
+        Ctrl-C in the block ends the processes.
         """
-        import scipy.spatial  # noqa: F401 - not by each process
+        import scipy.spatial  # noqa: F401 - imported here once, not by each process
 
         pool: Pool[Callable[[], Any], Any]
         pool = Pool(call, self.jobs, recovery="the tables have the runs so far")
@@ -89,7 +91,7 @@ class Ensembles:
                 bar.update(cases.length())
 
     def wait(self, collecting: Future[None]) -> None:
-        """Wait for the runs, those by the explicit method among them.
+        """Wait for all runs, and show their progress.
 
         Raises:
             JointplayError: a run did not complete.
@@ -103,7 +105,7 @@ class Ensembles:
 
     @property
     def table(self) -> Table:
-        """A row for each perturbed run: what it was run with, and its measures."""
+        """Table with a row for each perturbed run: condition, case, seed, and measures."""
         measured = self.measures
         heads = ["gravity", "inertia", "clearance", "seed", *next(iter(measured.values()), {})]
         rows = [
@@ -113,7 +115,7 @@ class Ensembles:
         return Table.of([(head, "") for head in heads], rows)
 
     def verdicts(self) -> list[Verdict]:
-        """Claims under each condition for which at least two runs of each case are there."""
+        """Verdicts on the claims under each condition with at least two runs of each case."""
         verdicts, measured = [], self.measures
         for condition in cases.CONDITIONS:
             small, large = (
@@ -126,7 +128,7 @@ class Ensembles:
 
 
 def claim_rows(verdicts: Sequence[Verdict]) -> list[tuple[str, ...]]:
-    """Of the claims table, its head first."""
+    """Rows of the claims table, its head first."""
     return [CLAIM_COLUMNS, *(verdict.row() for verdict in verdicts)]
 
 
@@ -149,7 +151,7 @@ def write_claims(verdicts: Sequence[Verdict], ensembles: Ensembles, out: Path) -
 
 
 def filled(name: str, **values: Any) -> str:
-    """A page of the study: its text in `pages` with these values, and what it was made with."""
+    """A page of the study: a template of `pages` filled with values and the packages' versions."""
     environment = Environment(
         loader=PackageLoader("jointplay.paper", "pages"),
         undefined=StrictUndefined,
@@ -163,7 +165,7 @@ def filled(name: str, **values: Any) -> str:
 
 
 def summary(verdicts: Sequence[Verdict]) -> str:
-    """Claims against conditions, for the terminal."""
+    """Table of the verdicts for the terminal: claims by conditions."""
     rows = [("claim", *map(str, cases.CONDITIONS))]
     for number, subject in sorted({(v.claim, v.subject) for v in verdicts}):
         answers = {v.condition: v.holds for v in verdicts if v.claim == number}

@@ -1,7 +1,8 @@
-"""``paper.md``: the study on one page, its figures and numbers beside what the paper says.
+"""``paper.md``: the study on one page, its figures and numbers beside the paper's statements.
 
-The paper: Y. Wang, R. Li, J. Liu, Z. Jia, H. Liang, Appl. Sci. 2023, 13(4), 2211. What it says
-(Sections 2 to 6) stands in `pages/paper.md`, in words of this project; what is found is filled in.
+The paper: Y. Wang, R. Li, J. Liu, Z. Jia, H. Liang, Appl. Sci. 2023, 13(4), 2211. Its statements
+(Sections 2 to 6) are in `pages/paper.md`, in this project's words; the study's results are filled
+in.
 """
 
 from __future__ import annotations
@@ -27,12 +28,14 @@ if TYPE_CHECKING:
 
 PRINTED_PEAKS = {"x": (1.6, 2.5), "y": (0.2, 1.8), "z": (2.1, 2.5)}
 """Times of the force peaks in the paper, along world axes (Section 5, Figures 13-15) [s]."""
-PEAKS_APART_S = 0.1  # peaks that are nearer to each other count as one
+PEAKS_APART_S = 0.1
+"""Peaks that are nearer to each other count as one [s]."""
 Rows = list[tuple[str, ...]]
+"""Rows of a table, its head first."""
 
 
 def largest_peaks(result: Result, axis: str) -> list[tuple[float, float]]:
-    """Times [s] and sizes [N] of the two largest peaks of the force at joint B, in time."""
+    """Times [s] and sizes [N] of the two largest peaks of the force at joint B, ordered by time."""
     judged = result.time >= result.judge_from
     time = result.time[judged]
     left = np.abs(result["joint_force_peak"].sel(joint=JOINT, axis=axis).values[judged])
@@ -45,11 +48,11 @@ def largest_peaks(result: Result, axis: str) -> list[tuple[float, float]]:
 
 
 def rim_reading(result: Result) -> dict[Mode, tuple[float, float, float]]:
-    """Figure 12 read for the rims, from when the run is judged, by mode.
+    """The paper's Figure 12 evaluated for the journal's rims, by mode, while the run is judged.
 
     Returns:
-        Share of the time; of this the share in which a rim's centre is at or beyond the clearance
-        circle; and the share in which the centre of the journal's middle is.
+        Share of the time in the mode; of that, the share in which a rim's centre is at or beyond
+        the clearance circle, and the share in which the centre of the journal's middle is.
     """
     judged = result.time >= result.judge_from
     outline = analysis.clearance_outline(result, JOINT)
@@ -86,7 +89,7 @@ def forms_table(cases: Mapping[str, Result]) -> Rows:
 
 
 def peaks_table(cases: Mapping[str, Result]) -> Rows:
-    """The paper's times of force peaks beside the two largest of each case."""
+    """The paper's times of force peaks beside the two largest peaks of each case."""
     played = _played(cases)
     rows: Rows = [("force along", "in the paper", *played)]
     for axis in AXES:
@@ -99,6 +102,7 @@ def peaks_table(cases: Mapping[str, Result]) -> Rows:
 
 
 def _orbit_table(cases: Mapping[str, Result]) -> Rows:
+    """The shares of `rim_reading` for each case and mode."""
     head = ("case", "mode", "of the time", "a rim at or beyond C_r", "the middle at or beyond C_r")
     return [
         head,
@@ -111,7 +115,7 @@ def _orbit_table(cases: Mapping[str, Result]) -> Rows:
 
 
 def _inertia_table() -> Rows:
-    """Table 2 as the shipped model has it."""
+    """Masses and inertias of the paper's Table 2, as the shipped model has them."""
     model = scara(None).mechanism.model
     rows: Rows = [("link", "mass [kg]", "Jxx, Jyy, Jzz [kg m²]", "Jxy, Jxz, Jyz [kg m²]")]
     for name, joint in (("arm1", "joint_a"), ("arm2", "joint_b"), ("arm3", "joint_c")):
@@ -123,15 +127,15 @@ def _inertia_table() -> Rows:
 
 
 def page(study: Findings, setting: str) -> str:
-    """The text of the page.
+    """Text of the page.
 
     Args:
-        study: what was found.
+        study: the study's results.
         setting: gravity, inertia and method of the cases, in words.
     """
 
     def holding(claims: Sequence[int]) -> str:
-        """Where some claims hold, by the ensembles."""
+        """The conditions under which some claims hold, by the ensembles."""
         parts = []
         for claim in claims:
             where: dict[str, list[str]] = {}

@@ -1,4 +1,4 @@
-"""The paper's study as a whole: `jointplay scara`."""
+"""The paper's study as a whole, run by `jointplay scara`."""
 
 from __future__ import annotations
 
@@ -36,15 +36,15 @@ from jointplay.study.certification import number_of_runs
 def errors_table(
     cases: Mapping[str, Result], others: Mapping[tuple[str, str], MethodFigures]
 ) -> list[tuple[str, ...]]:
-    """Certified figures of the cases, and what other methods find.
+    """Certified figures of the cases beside those by other methods.
 
     Args:
         cases: results by label.
-        others: what `by_method` found, by label and method.
+        others: figures by `by_method`, by label and method.
 
     Returns:
-        The head; then rows of case, figure, value ± error and unit, mark, and for each other method
-        its value and the difference, or why there is none.
+        The head; then rows of case, figure, value ± error with unit, mark, and for each other
+        method its value and the difference, or that it was not computed.
     """
     methods = list(dict.fromkeys(method for _, method in others))
     rows: Rows = [("case", "figure", "value ± numerical error", "error", *methods)]
@@ -60,7 +60,7 @@ def errors_table(
 
 
 def _beside(figure: CertifiedFigure, method: MethodFigures | None) -> str:
-    """What another method finds of a figure, and how much that differs."""
+    """A figure by another method, and its difference from the certified value."""
     if method is None or figure.name not in method.figures:
         return "not computed"
     value = method.figures[figure.name]
@@ -72,7 +72,7 @@ def _beside(figure: CertifiedFigure, method: MethodFigures | None) -> str:
 
 
 def measures_table(cases: Mapping[str, Result]) -> list[tuple[str, ...]]:
-    """What the claims use, a row for each measure and a column for each case that has it."""
+    """Measures of the claims: a row for each measure, a column for each case that has any."""
     named = {
         label: {fig.name: fig for fig in certificate.figures if fig not in certificate.headline}
         for label, result in cases.items()
@@ -102,18 +102,22 @@ def write_errors(findings: Findings, setting: str, out: Path) -> None:
 
 
 def errors_text(rows: Sequence[tuple[str, ...]], warnings: Sequence[str] = ()) -> str:
-    """The same table for the terminal."""
+    """The table of `errors_table` for the terminal, and warnings."""
     return "\n".join([str(Table.of_texts(rows)), *(f"warning of {line}" for line in warnings)])
 
 
 @dataclass(frozen=True)
 class Findings:
-    """What `run_study` found."""
+    """The results of `run_study`."""
 
-    cases: dict[str, Result]  # by label
-    rows: Rows  # of `errors_table`, its head first
-    warnings: list[str]  # of other methods' runs, a line each
-    verdicts: list[Verdict]  # on the claims
+    cases: dict[str, Result]
+    """Results of the cases, by label."""
+    rows: Rows
+    """The table `errors_table`."""
+    warnings: list[str]
+    """Warnings of other methods' runs, a line each."""
+    verdicts: list[Verdict]
+    """Verdicts on the paper's claims."""
 
 
 def run_study(
@@ -136,15 +140,15 @@ def run_study(
         runs: perturbed runs for each clearance and condition; 0 leaves the claims out.
         jobs: processes; None takes one for each core.
         progress: show a bar.
-        done: is told of each case when it has been run and certified.
+        done: called with label and result of each case when it has been run and certified.
         condition: gravity and inertia of the three cases; claims are judged under all conditions.
-        integrator: of the cases and of all runs behind the claims.
-        pdf: draw each figure as PDF, too.
+        integrator: method of the cases and of all runs behind the claims.
+        pdf: also draw each figure as PDF.
 
     Raises:
-        JointplayError: fewer than 2 runs (but not 0), no such integrator, or a folder that cannot
-            be used.
-        KeyboardInterrupt: after Ctrl-C, when all that was computed has been written.
+        JointplayError: 1 run or a negative number, no such integrator, or a folder that cannot be
+            used.
+        KeyboardInterrupt: Ctrl-C; all that was computed has been written.
     """
     from jointplay.show import plots
 
@@ -153,11 +157,6 @@ def run_study(
     ensembles = Ensembles(runs, jobs, condition, integrator)
     setting = f"{str(condition)[:1].upper()}{str(condition)[1:]}, {integrator}"
 
-    def run(label: str) -> None:
-        cases[label] = run_case(label, out, progress, condition, integrator)
-        with printing():
-            done(label, cases[label])
-
     of_cases = sum(1 + number_of_runs(scara(clearance)) for clearance in CASES.values())
     try:
         with (
@@ -165,9 +164,11 @@ def run_study(
             ensembles.started() as collecting,
         ):
             for label in CASES:
-                run(label)
+                cases[label] = run_case(label, out, progress, condition, integrator)
+                with printing():
+                    done(label, cases[label])
             ensembles.wait(collecting)
-    finally:  # whatever happens, what was found is written
+    finally:  # whatever happens, the results so far are written
         with signals.keeping(f"the tables in {out}"):
             others = ensembles.others
             warnings = [
@@ -180,6 +181,6 @@ def run_study(
             if runs:
                 write_claims(findings.verdicts, ensembles, out)
     with signals.keeping(f"the figures in {out}"):
-        plots.save(cases, out, pdf)  # last: whatever happens to figures, the numbers are there
+        plots.save(cases, out, pdf)  # last, so that no failure of a figure loses numbers
         write_page(findings, setting, out)
     return findings

@@ -1,4 +1,4 @@
-"""What decides the numbers of a run, and who said it: the user, or nobody."""
+"""The settings that decide a run's numbers, and where each came from (the user or a default)."""
 
 from __future__ import annotations
 
@@ -22,18 +22,20 @@ if TYPE_CHECKING:
     from jointplay.simulation.simulation import Simulation
 
 ASSUMED = "(assumed)"
+"""Mark of a value that nobody gave."""
 _LABELS = {"kind": "", "normal": "normal force"}
-"""What fields are called, if not as they are."""
+"""Labels of fields that are not called by their names."""
 
 
 def decisive(scenario: Scenario, simulations: Mapping[str, Simulation]) -> list[str]:
-    """Tool and why; sizes, restitution and friction of joints; the motion; what else was chosen.
+    """Lines on a scenario's tool, sizes, restitution and friction of joints, motion, and choices.
 
-    What nobody gave is marked. Lines that hold for all cases come first, then each case's own.
+    Values that nobody gave are marked. Lines that hold for all cases come first, then each case's
+    own.
 
     Args:
-        scenario: what was given.
-        simulations: of its cases, by label.
+        scenario: the scenario, with its assumptions.
+        simulations: simulations of its cases, by label.
     """
     by_case = {
         case: [
@@ -51,7 +53,7 @@ def decisive(scenario: Scenario, simulations: Mapping[str, Simulation]) -> list[
         for line in lines
         if line not in common
     ]
-    # Of a motion that nobody gave it says more that nobody did than how its points are taken.
+    # That a motion was not given matters more than how its points are taken: that comes last.
     motions = (
         [line for line in common if line.startswith("motion: ")] if scenario.assumptions else []
     )
@@ -72,12 +74,12 @@ def notes_at_poses(
     play: bool = True,
     relative_to: str | None = None,
 ) -> list[str]:
-    """What to know of a robot that is looked at where it stands, a line each.
+    """Lines on what was chosen, and what does not count, for a robot that stands at poses.
 
     Args:
-        scenario, case: what was given.
-        poses: where it stands.
-        named: joints whose play was asked for, of which is said if it does not count.
+        scenario, case: the scenario, and the label of its case.
+        poses: the machine and the poses at which it stands.
+        named: joints whose play was asked for; a line says if one does not move the tool.
         play: whether the play of all joints is told.
         relative_to: see `budget`.
     """
@@ -86,7 +88,7 @@ def notes_at_poses(
     lines += mechanism.description.doubts
     if wrong := impossible_inertias(mechanism.description.parsed):
         lines.append(
-            f"inertias that no rigid body has, of no account where nothing moves: "
+            f"inertias that no rigid body has, without effect where nothing moves: "
             f"{few(list(wrong))}; jointplay run needs right ones"
         )
     if mechanism.free_base is not None:
@@ -133,7 +135,7 @@ def tool_reason(scenario: Scenario) -> str:
 
 
 def by_rule(mechanism: Mechanism, quantity: str) -> list[str]:
-    """What rules have for gears of which nobody gave that, a line for each number."""
+    """Lines on the numbers that rules gave for a `quantity` of gears, one for each number."""
     by_text: dict[str, list[str]] = {}
     for (name, field), rule in mechanism.rules.items():
         if field == quantity:
@@ -153,9 +155,9 @@ def by_rule(mechanism: Mechanism, quantity: str) -> list[str]:
 def undecided_at_rest(
     scenario: Scenario, case: str, mechanism: Mechanism, loaded: bool
 ) -> list[str]:
-    """What decides where a machine rests and nobody gave, a few words each.
+    """Values that nobody gave and that decide where a machine rests, a few words each.
 
-    `loaded`: whether it bears what its drives do not know.
+    `loaded`: whether it bears loads that its drives do not know.
     """
     origins, causes = scenario.origins(case), list[str]()
     for name, joint in mechanism.clearance.items():
@@ -181,6 +183,7 @@ def undecided_at_rest(
 
 
 def _robot(mechanism: Mechanism, reason: str) -> list[str]:
+    """Lines on the tool and flexible links."""
     reason = mechanism.tool_reason or reason
     why = f" (chosen: {reason}; --tool FRAME selects another)"
     lines = [f"tool: {mechanism.tool}{why if reason else ''}"]
@@ -195,7 +198,8 @@ def _robot(mechanism: Mechanism, reason: str) -> list[str]:
 
 
 def _joints(mechanism: Mechanism, origins: Origins, moves: bool = True) -> list[str]:
-    hinges = {name for its in mechanism.hinges.values() for name in its}
+    """A line on the joints with clearance, alike ones together; restitution only if it `moves`."""
+    hinges = {name for names in mechanism.hinges.values() for name in names}
     alike: dict[str, list[str]] = {}
     for name, joint in mechanism.clearance.items():
         if name not in hinges:
@@ -210,7 +214,7 @@ def _joints(mechanism: Mechanism, origins: Origins, moves: bool = True) -> list[
 
 
 def _motion(simulation: Simulation, origins: Origins) -> list[str]:
-    """How points are taken if nobody said, and speeds that a motion's ends take away."""
+    """Lines on how a motion's points are interpolated, if not given, and on jumps in its speed."""
     motion, table = simulation.motion, given(origins, "motion")
     if motion is None or not {"file", "joints"} & table:
         return []
@@ -231,5 +235,6 @@ def _motion(simulation: Simulation, origins: Origins) -> list[str]:
 
 
 def _of_joints(simulation: Simulation, values: Mapping[str, float], rate: str) -> str:
+    """Values by joint as text, in the unit of the joint's position per `rate`."""
     joints = simulation.mechanism.description.joints
     return few([f"{n} {readable(x, joints[n].unit + rate, 4)}" for n, x in values.items()])

@@ -1,4 +1,9 @@
-"""From a checked scenario to the simulation that it describes: motion, drives, loads, payloads."""
+"""From a checked scenario to the simulation that it describes: motion, drives, loads, payloads.
+
+`build` makes the mechanism first (`mechanism_of`), since its joints decide the units of the rest;
+then the motion, completed for joints that it does not name; loads, drives, friction, payloads; and
+notes on what may not be meant.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +16,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pinocchio as pin
 
 from jointplay.accuracy.poses import along_motion
 from jointplay.accuracy.robot_errors import RobotErrors, refuse_misfit
@@ -56,12 +60,12 @@ from jointplay.simulation.motion.reference import Motion
 from jointplay.simulation.result.settings import Integration, LimitSettings, RecordSettings
 from jointplay.simulation.simulation import Simulation
 
-# What builders of scenarios share: laws beside the file, places of errors, units of joints.
+# Errors at keys of the scenario, and numbers in the unit of their joint.
 
 
 @contextmanager
 def _relocated(keys: Mapping[str, tuple[str, ...]]) -> Iterator[None]:
-    """Say of errors in the block at one of these arguments which key of the scenario it has."""
+    """Move errors at an argument, in the block, to the key of the scenario that gives it."""
     try:
         yield
     except JointplayError as error:
@@ -71,7 +75,7 @@ def _relocated(keys: Mapping[str, tuple[str, ...]]) -> Iterator[None]:
 
 
 def drafts(table: Any) -> dict[str, Draft]:
-    """Objects that the file describes, checked but not yet made, by name."""
+    """Objects that a table describes, checked but not yet made, by name."""
     drafts: dict[str, Draft] = dict(table)
     return drafts
 
@@ -83,7 +87,16 @@ def fit(
     units: tuple[str, ...],
     path: tuple[str | int, ...],
 ) -> float:
-    """`value` as float, if its unit is one for this joint: units are (revolute's, prismatic's)."""
+    """A value in the unit of its joint, or of the coordinate `joint` in [start] and [start_speed].
+
+    Args:
+        value: the value, with the unit in which it was given, if any.
+        units: unit of a revolute, and of a prismatic joint.
+        path: key of the value.
+
+    Raises:
+        JointplayError: no such joint, or a unit of the other kind of joint.
+    """
     if joint in mechanism.joints:
         return fit_entry(mechanism.description.joints[joint], value, units, path)
     if path[0] in ("start", "start_speed") and joint in mechanism.coordinates:
@@ -100,6 +113,7 @@ def fit_entry(
 
 
 def _in_unit(value: float, unit: str, whose: str, path: tuple[str | int, ...]) -> float:
+    """The value as float, if it was given in a unit like `unit`."""
     if isinstance(value, Measured) and value.unit not in ("", unit):
         raise JointplayError(
             f"{toml_text(value.text)} is not {named(unit)}, but joint {whose}; "
@@ -115,9 +129,9 @@ def _in_unit(value: float, unit: str, whose: str, path: tuple[str | int, ...]) -
 
 
 def of_joint(draft: Draft, path: tuple[str, ...], fitted: Callable[..., float]) -> Draft:
-    """A draft with numbers in the unit of its joint, where fields have one for each kind of joint.
+    """A draft with its numbers in the unit of its joint, in fields with a unit for each kind.
 
-    `fitted` is `fit` or `fit_entry` of the joint.
+    `fitted` is `fit` or `fit_entry` for the joint.
 
     Raises:
         JointplayError: no such joint, or a unit of another kind; `where` has the key.
@@ -133,7 +147,7 @@ def of_joint(draft: Draft, path: tuple[str, ...], fitted: Callable[..., float]) 
 
 
 def made_by_joint(table: Any, mechanism: Mechanism, *place: str) -> dict[str, Any]:
-    """Objects of a table by moving joint; `place` leads to it, errors are there."""
+    """Make the objects of a table by moving joint; `place` is the table's key, for errors."""
     objects = {}
     for name, draft in drafts(table).items():
         path = (*place, name)
@@ -144,11 +158,11 @@ def made_by_joint(table: Any, mechanism: Mechanism, *place: str) -> dict[str, An
     return objects
 
 
-# What acts in a scenario: drives, friction, loads, payloads.
+# Drives, friction, loads, payloads.
 
 
 def drive_of(model: Model, mechanism: Mechanism) -> dict[str, Drive]:
-    """What drives each moving joint, or would hold it: its own, or that of all.
+    """The drive of each moving joint: its own, or that of all.
 
     Raises:
         JointplayError: no such joint, or a drive that cannot be; `where` has the key.
@@ -172,7 +186,7 @@ def drive_of(model: Model, mechanism: Mechanism) -> dict[str, Drive]:
 def led(
     model: Model, drives: Mapping[str, Drive], motion: Motion | None
 ) -> Drive | Mapping[str, Drive]:
-    """Drives as a run has them: of those that follow, which a motion leads.
+    """Drives as a run has them: without those that follow a motion where none leads their joint.
 
     Raises:
         JointplayError: a joint's own drive follows a motion, and none leads it.
@@ -191,7 +205,7 @@ def led(
 
 
 def friction_of(model: Model, mechanism: Mechanism) -> dict[str, JointFriction] | None:
-    """Friction of all moving joints, where the scenario says anything of it."""
+    """Friction of all moving joints; None unless the scenario states some."""
     if not model.joint_friction:
         return None
     by_joint = made_by_joint(model.joint_friction, mechanism, "joint_friction")
@@ -199,7 +213,7 @@ def friction_of(model: Model, mechanism: Mechanism) -> dict[str, JointFriction] 
 
 
 def loads_of(model: Model, mechanism: Mechanism) -> dict[str, Load]:
-    """Springs, wrenches and the like, by name; each is tried on the mechanism."""
+    """Springs, wrenches and other loads, by name; each is tried on the mechanism."""
     loads: dict[str, Load] = {}
     for name, draft in drafts(model.loads).items():
         joint = draft.fields.get("joint", "")
@@ -213,7 +227,7 @@ def loads_of(model: Model, mechanism: Mechanism) -> dict[str, Load]:
 
 
 def payloads_of(model: Model, mechanism: Mechanism) -> tuple[Payload, ...]:
-    """Payloads, held by the tool if nothing else is said."""
+    """Payloads; held by the tool unless their frame is given."""
     payloads = []
     several: list[Any] = list(model.payloads)
     for index, draft in enumerate(several):
@@ -227,7 +241,7 @@ def payloads_of(model: Model, mechanism: Mechanism) -> tuple[Payload, ...]:
 
 
 def errors_of(model: Model, mechanism: Mechanism) -> RobotErrors | None:
-    """Errors besides play, where the scenario says anything of them.
+    """Errors besides play; None unless the scenario states some.
 
     Raises:
         JointplayError: no such joint, a unit of another kind of joint, or a value that cannot be;
@@ -249,7 +263,7 @@ def errors_of(model: Model, mechanism: Mechanism) -> RobotErrors | None:
 def motion_of(
     model: Model, mechanism: Mechanism, folder: Path, start: dict[str, float]
 ) -> Motion | None:
-    """The reference; takes out of `start` what it uses."""
+    """The reference motion; positions that it uses are taken out of `start`."""
     if model.motion is None:
         return None
     motion = _as_given(model, model.motion, mechanism, folder, start)
@@ -263,6 +277,7 @@ def motion_of(
 def _as_given(
     model: Model, table: Any, mechanism: Mechanism, folder: Path, start: dict[str, float]
 ) -> Motion:
+    """The motion of [motion] at its own speed; see `motion_of`."""
     entries = table.given()
     sources = [key for key in MOTION_SOURCES if key in entries]
     if len(sources) != 1:
@@ -301,7 +316,7 @@ def _as_given(
 def motion_from_file(path: Path, interpolation: str | None) -> Motion:
     """Motion of a file, which is read again only once it has changed."""
     stamp: tuple[int, ...] = ()
-    with suppress(OSError, ValueError):  # which reading it puts into words
+    with suppress(OSError, ValueError):  # reading the file reports it
         status = path.stat()
         stamp = status.st_mtime_ns, status.st_size, status.st_ino
     return _read(path, interpolation, stamp)
@@ -315,6 +330,7 @@ def _read(path: Path, interpolation: str | None, stamp: tuple[int, ...]) -> Moti
 
 
 def _turning(model: Model, mechanism: Mechanism, start: dict[str, float]) -> Motion:
+    """Motion of joints at constant speeds, over the duration of the run."""
     table: Any = model.motion
     duration = model.integration.duration
     if duration is None:
@@ -333,6 +349,7 @@ def _turning(model: Model, mechanism: Mechanism, start: dict[str, float]) -> Mot
 
 
 def _cartesian(table: Any, mechanism: Mechanism, start: dict[str, float]) -> Motion:
+    """Motion of joints along poses of the tool, by inverse kinematics of the ideal mechanism."""
     for key in ("tool_position", "tool_rpy"):
         rows = getattr(table, key)
         if rows is not None and len(rows) != len(table.times):
@@ -355,12 +372,12 @@ def _cartesian(table: Any, mechanism: Mechanism, start: dict[str, float]) -> Mot
             driven=table.driven,
         )
     for name in begin if ideal.loops else solution.motion.joints:
-        start.pop(name, None)  # it has said on which branch
+        start.pop(name, None)  # it chose the branch, and is in the motion now
     start.update(solution.start)
     return solution.motion
 
 
-# What becomes of the joints that a scenario's motion does not name.
+# Joints that a scenario's motion does not name.
 
 
 def complete(
@@ -370,11 +387,14 @@ def complete(
     start: dict[str, float],
     loads: Mapping[str, Load],
 ) -> tuple[Motion, list[str]]:
-    """The motion with what it does not name held, or following; takes out of `start` what it uses.
+    """The motion completed for joints that it does not name: their drives hold them, or follow.
 
-    Drives that follow a motion hold theirs. Joints of which other [drives], a controller in [loads]
-    or [start_speed] say something, and those that teeth lead, are left alone, and, where there are
-    [drives] at all, those of which [start] does: they were meant to move.
+    Left alone are joints that have another kind of drive in [drives], a controller in [loads], a
+    speed in [start_speed] or teeth that lead them; and, if there are [drives] at all, joints in
+    [start]: they were meant to move. Positions of held joints are taken out of `start`.
+
+    Returns:
+        The motion, and lines on what was added.
     """
     shared: Any = model.drive
     if shared is not None and not shared.kind.follows:
@@ -395,16 +415,20 @@ def complete(
 def build(
     model: Model, folder: Path, built: Built, still: bool = False
 ) -> tuple[Simulation, list[str]]:
-    """Simulation that `model` describes; its paths are relative to `folder`.
+    """The simulation that `model` describes.
 
-    Of a machine that stands (`still`) drives of joints that no motion leads are those that would
-    hold it.
+    Args:
+        model: the checked scenario of a case.
+        folder: where relative paths begin.
+        built: mechanisms that were built before.
+        still: whether the machine stands: then the drives of all joints hold it, also those that no
+            motion leads.
 
     Returns:
-        The simulation, and what was added that nobody asked for, a line each.
+        The simulation, and lines on what was added, or may not be meant.
 
     Raises:
-        JointplayError: what cannot be; `where` has the key.
+        JointplayError: something cannot be; `where` has the key.
     """
     mechanism = mechanism_of(model, folder, built)
     start = {
@@ -434,7 +458,7 @@ def build(
     else:
         notes += _of_falling(model, mechanism, motion, drives)
         drive = led(model, drives, motion)
-    errors_of(model, mechanism)  # which no run needs, but what cannot be is said
+    errors_of(model, mechanism)  # only checked: a run has none
     tables = (
         (Integration, model.integration),
         (RecordSettings, model.output),
@@ -458,7 +482,7 @@ def build(
 
 
 def _of_zero(model: Model, mechanism: Mechanism) -> list[str]:
-    """What a clearance or a mass of 0 was taken for."""
+    """Notes on clearances and masses of 0, which are taken as none."""
     notes = [
         f"joint {name!r} has a clearance of 0: it is ideal"
         for name, draft in drafts(model.joints).items()
@@ -473,12 +497,12 @@ def _of_zero(model: Model, mechanism: Mechanism) -> list[str]:
 
 
 _WIDE = 0.1
-"""Part of a bearing's radius from which a clearance is told: a loose fit has a hundredth, and
-who writes millimetres for micrometres is a thousand times off (judged)."""
+"""Clearance, relative to the bearing's radius, from which a note asks for the unit: a loose fit has
+a hundredth, and millimetres in place of micrometres are a thousand times off (judged)."""
 
 
 def _of_wide_clearances(mechanism: Mechanism) -> list[str]:
-    """Clearances so wide that millimetres may have been meant."""
+    """Notes on clearances so wide that another unit may have been meant."""
     return [
         f"joint {name!r} has a radial clearance of {readable(joint.cr, 'm')} in a bearing of "
         f"radius {readable(joint.ri, 'm')}, {joint.cr / joint.ri:.0%} of it: is the unit right?"
@@ -488,42 +512,48 @@ def _of_wide_clearances(mechanism: Mechanism) -> list[str]:
 
 
 _TURNED = 0.3
-"""Where joints are when it is seen whether gravity moves them [rad or m] (judged: any place that is
-no multiple of a quarter turn, where arms stand straight up, would do)."""
+"""Position of joints at which it is judged whether gravity moves them [rad or m] (judged: any that
+is no multiple of a quarter turn, where arms stand straight up, would do)."""
 
 
 _NOT_COUPLED = 1e-9
-"""Inertia that two coordinates share, of the mean of their own, that is rounding (judged:
-that of a product of some ten transforms is 1e-15)."""
+"""Inertia that two coordinates share, relative to the geometric mean of their own, up to which it
+is rounding (judged: a product of some ten transforms has 1e-15)."""
 
 
 def _of_idle_planes(mechanism: Mechanism) -> list[str]:
-    """Planar guides whose play lies across the plane in which all else moves and weighs."""
+    """Notes on planar guides whose play lies across the plane in which all else moves and weighs.
+
+    In a loop nothing moves the journal along x; in the tree x shares no inertia with the other
+    coordinates, and no weight acts along it.
+    """
     q = _TURNED * np.ones(mechanism.model.nq)
     q[[i for i in range(len(q)) if mechanism.plays(i)]] = 0.0
-    mass, weight = (
-        mechanism.mass_matrix(q),
-        pin.computeGeneralizedGravity(mechanism.model, mechanism.data, q),
-    )
-    lines = []
+    mass, weight = mechanism.mass_matrix(q), mechanism.gravity_forces(q)
+    idle = []
     for name, joint in mechanism.clearance.items():
         planar = joint.slides() and "x" in joint.freedoms and "y" not in joint.freedoms
         if not planar:
             continue
         if name in mechanism.loops:
-            moves = _moving_across(mechanism, name, q)
-            if np.abs(moves[0]).max() <= _NOT_COUPLED * np.abs(moves).max():
-                lines.append(_idle_plane(name))
+            moves = np.abs(mechanism.relative_jacobian(name, q)[:3])
+            if moves[0].max() <= _NOT_COUPLED * moves.max():
+                idle.append(name)
             continue
         at = mechanism.coordinates.index(Coordinate(name, "x"))
         others = [
             i for i, coordinate in enumerate(mechanism.coordinates) if coordinate.joint != name
         ]
         size = np.sqrt(mass[at, at] * mass.diagonal()[others])
-        idle = np.abs(mass[at, others]) <= _NOT_COUPLED * size
-        if others and idle.all() and abs(weight[at]) <= _NOT_COUPLED * mass[at, at]:
-            lines.append(_idle_plane(name))
-    return lines
+        apart = np.abs(mass[at, others]) <= _NOT_COUPLED * size
+        if others and apart.all() and abs(weight[at]) <= _NOT_COUPLED * mass[at, at]:
+            idle.append(name)
+    return [
+        f"joint {name!r} has planar play along x of its frame, across which nothing else moves or "
+        "weighs, so that it carries nothing: is its frame turned as meant (x across the guide in "
+        "the plane of motion)?"
+        for name in idle
+    ]
 
 
 def _of_reach(
@@ -532,10 +562,10 @@ def _of_reach(
     start: Mapping[str, float],
     drives: Mapping[str, Drive],
 ) -> list[str]:
-    """Where along the motion loops cannot be closed, as past a dead point.
+    """Notes on where along the motion loops cannot be closed, as past a dead point.
 
     Raises:
-        JointplayError: a prescribed motion, which nothing could follow.
+        JointplayError: the motion is prescribed, so that nothing could follow it.
     """
     if motion is None or not mechanism.loops:
         return []
@@ -551,35 +581,13 @@ def _of_reach(
     return []
 
 
-def _idle_plane(name: str) -> str:
-    return (
-        f"joint {name!r} has planar play along x of its frame, across which nothing else moves or "
-        "weighs, so that it carries nothing: is its frame turned as meant (x across the guide in "
-        "the plane of motion)?"
-    )
-
-
-def _moving_across(mechanism: Mechanism, name: str, q: np.ndarray) -> np.ndarray:
-    """Velocity of a loop's journal in its bearing by those of all coordinates (3, nv)."""
-    model, data = mechanism.model, mechanism.model.createData()
-    pin.computeJointJacobians(model, data, q)
-    jacobians, places = [], []
-    for body, place in mechanism.frames(name):
-        local = pin.getJointJacobian(model, data, body, pin.ReferenceFrame.LOCAL)
-        at = data.oMi[body] * place
-        moving = place.toActionMatrixInverse() @ local
-        jacobians.append([at.rotation @ moving[:3], at.rotation @ moving[3:]])
-        places.append(at)
-    (bearing, turn), (journal, _) = jacobians
-    carried = np.cross(turn.T, places[1].translation - places[0].translation).T
-    across: np.ndarray = places[0].rotation.T @ (journal - bearing - carried)
-    return across
-
-
 def _of_falling(
     model: Model, mechanism: Mechanism, motion: Motion | None, drives: Mapping[str, Drive]
 ) -> list[str]:
-    """Joints of a robot with motors that nothing holds; who says that drives are free means it."""
+    """A warning about joints with motors that gravity moves and nothing holds; none if meant.
+
+    Free drives, loads or loops in the scenario show that it is meant.
+    """
     intended = model.drives or model.loads
     if motion is not None or intended or mechanism.loops or not any(mechanism.gravity):
         return []
@@ -593,7 +601,7 @@ def _of_falling(
         if name in entries and drives[name].follows and (entries[name].effort or name in driven)
     ]
     q = mechanism.configuration(dict.fromkeys(motors, _TURNED))
-    weight = pin.computeGeneralizedGravity(mechanism.model, mechanism.model.createData(), q)
+    weight = mechanism.gravity_forces(q)
     moved = {name: abs(weight[mechanism.coordinate(name)]) for name in motors}
     falling = [name for name, effort in moved.items() if effort > _WEIGHTLESS]
     if not falling:
@@ -606,15 +614,14 @@ def _of_falling(
 
 
 _WEIGHTLESS = 1e-6
-"""Effort below which gravity does not move a joint [N m or N] (judged: a milligram at a
+"""Effort of gravity up to which it does not move a joint [N m or N] (judged: a milligram at a
 tenth of a metre)."""
 
 
 Built = OrderedDict[tuple[str, ...], Mechanism]
-"""Mechanisms that a scenario has built, for who asks for the same again: a run is checked, then
-begun."""
+"""Mechanisms that a scenario has built, by their inputs: a case is checked, then run."""
 _LAST_BUILT = 4
-"""So many are kept (judged: the ideal machine and three cases)."""
+"""Number of mechanisms that are kept (judged: the ideal machine and three cases)."""
 
 
 def mechanism_of(model: Model, folder: Path, built: Built) -> Mechanism:
@@ -622,7 +629,7 @@ def mechanism_of(model: Model, folder: Path, built: Built) -> Mechanism:
     robot, linkage = model.robot, model.linkage
     closing: Mapping[str, Loop] = {}
     balls: Mapping[str, Clearance] = {}
-    reason = ""  # why the tool is what nobody named
+    reason = ""  # why this tool, if none was named
     if linkage is None:
         with within("robot", "urdf"):
             description = read(robot.urdf, robot.allow_unphysical, folder, robot.xacro)
@@ -654,6 +661,14 @@ def _built_anew(
     balls: Mapping[str, Clearance],
     reason: str,
 ) -> Mechanism:
+    """Make the objects of a model and the mechanism of them; see `mechanism_of`.
+
+    Args:
+        model: the checked scenario of a case.
+        description: its robot, with joints held.
+        closing, balls: loops and ideal balls of a linkage.
+        reason: why the tool is a linkage's output.
+    """
     robot = model.robot
     loops = dict(closing)
     for name, ends in model.loops.items():
@@ -670,7 +685,7 @@ def _built_anew(
             if name not in description.joints and name not in loops:
                 able = [j.name for j in description.joints.values() if j.kind in kind.replaces]
                 raise MissingName("joint", name, [*able, *loops])
-            # An ideal joint of this kind is what stands there anyway: it needs no dimensions.
+            # An ideal joint of this kind is what the URDF has there: it needs no dimensions.
             plain = not (kind.compound() or (name in loops and kind.slides()))
             plain = plain and draft.word is not None
             if not (plain and draft.fields.get("ideal")):
@@ -689,7 +704,7 @@ def _built_anew(
     for name, table in tables.items():
         with within("links", name, "flexible"):
             flexible[name] = table.flexible.make()
-    # One tool for cases with and without play in the same joints.
+    # The tool is chosen by all joints named, so that cases with and without play have the same one.
     tool = robot.tool
     if tool is None:
         tool, reason = choose_tool(description, {*model.joints, *model.gears})

@@ -1,6 +1,7 @@
-"""What a scenario file can say: its tables, their keys, and the units of their values.
+"""The format of scenario files: tables, their keys, and the units of their values, as classes.
 
-`base.schema` reads them; joints, laws, gears, drives and payloads are tables of their own classes.
+`base.schema` reads files by them; joints, laws, gears, drives and payloads are tables of their own
+classes.
 """
 
 from __future__ import annotations
@@ -24,17 +25,19 @@ from jointplay.simulation.motion.reference import INTERPOLATIONS
 from jointplay.simulation.result.settings import Integration, LimitSettings, RecordSettings
 
 PATHS = ("joint", "line")
-"""Ways between Cartesian waypoints."""
+"""Kinds of path between Cartesian waypoints."""
 MOTION_SOURCES = {
     "file": ("interpolation", "faster"),
     "joints": ("times", "interpolation", "faster"),
     "speeds": (),
     "tool_position": ("times", "tool_rpy", "frame", "path", "driven", "faster"),
 }
-"""Keys of [motion] of which there is one, and those that go with it."""
+"""Keys of [motion] of which exactly one is given, and the keys that go with it."""
 ANGLE = ("rad", "m")
+"""Units of a position, of revolute and of prismatic joints; which one a value must have shows when
+the robot has been read."""
 ANGULAR_SPEED = ("rad/s", "m/s")
-"""Of revolute or of prismatic joints; which one it must be shows when the robot has been read."""
+"""Units of a speed, of revolute and of prismatic joints."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,32 +46,32 @@ class Robot(LimitSettings):
 
     urdf: str = ""
     """URDF or xacro: a path relative to the scenario's file, ``jointplay:NAME`` for one that ships
-    with the package, ``example-robot-data:NAME`` or ``robot_descriptions:NAME``. None of a
+    with the package, ``example-robot-data:NAME`` or ``robot_descriptions:NAME``. Left out with a
     [linkage]."""
     xacro: dict[str, str | bool | int | float] = quantity("", default_factory=dict)
     """Arguments of a robot that is written in xacro, by name."""
     tool: str | None = None
-    """Frame whose motion is reported; if not given, the end of the chain of moving joints that has
-    play, or what is fixed there and named like a tool."""
+    """Frame whose motion is reported; if not given, the end of the chain of moving joints with
+    play, or a frame fixed there and named like a tool."""
     gravity: Vector = quantity("m/s^2", default=STANDARD_GRAVITY, choices=("gravity", GRAVITY))
     """``loaded`` (9.81 m/s^2 along -z), ``balanced`` (zero), or three components in world axes."""
     allow_unphysical: tuple[str, ...] = ()
     """Links whose inertias are accepted although they are physically impossible; ``["all"]`` stands
     for all of them."""
     fix: tuple[str, ...] = ()
-    """Joints that are held, with those that mimic them: at zero, or in the middle of limits
+    """Joints that are held, with the joints that mimic them: at zero, or in the middle of limits
     that exclude it."""
     base: str = choice("base", BASES, default=HELD)
-    """``held``: bolted to the ground; or ``free``: held by nothing, so that it moves with what its
-    joints and loads do, and falls under gravity."""
+    """``held``: bolted to the ground; or ``free``: held by nothing, so that it moves under the
+    forces of joints and loads, and falls under gravity."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Frame:
-    """Where one half of a joint that closes a loop sits in its link."""
+    """Frame of the bearing or journal of a joint that closes a loop, in its link."""
 
     link: str
-    """Link that carries it."""
+    """Link that carries the frame."""
     xyz: Vector = quantity("m", default=(0.0, 0.0, 0.0))
     """Centre in the link's frame."""
     rpy: Vector = quantity("rad", default=(0.0, 0.0, 0.0))
@@ -87,7 +90,7 @@ class LoopEnds:
 
 @dataclass(frozen=True, kw_only=True)
 class LinkTable:
-    """What a link is besides what the URDF says."""
+    """Properties of a link that the URDF does not have."""
 
     flexible: FlexibleLink
     """A beam that bends and twists, cut into segments."""
@@ -107,24 +110,25 @@ class MotionTable:
     speeds: dict[str, float] | None = quantity(*ANGULAR_SPEED, default=None)
     """Constant speed, by joint, from the position in [start]; needs a duration."""
     interpolation: str | None = choice("interpolation", INTERPOLATIONS, default=None)
-    """How joints move between waypoints; if not given, what the file says, or by the points:
-    ``spline`` for samples, ``rest-to-rest`` for waypoints."""
+    """Interpolation between waypoints; if not given, the file's, or by the points: ``spline`` for
+    samples, ``rest-to-rest`` for waypoints."""
     tool_position: list[Vector] | None = quantity("m", default=None)
     """Position of the frame at each time, in world axes; inverse kinematics finds the joints'."""
     tool_rpy: list[Vector] | None = quantity("rad", default=None)
-    """Its roll, pitch and yaw at each time; free if not given."""
+    """Roll, pitch and yaw of the frame at each time; free if not given."""
     frame: str | None = None
     """Frame that follows these positions; if not given, the tool."""
     faster: OptionalQuantity = quantity("", default=None)
     """Factor by which the motion is run faster than given."""
     path: str | None = choice("path", PATHS, default=None)
-    """Between Cartesian waypoints: ``joint`` moves all joints in step, ``line`` moves the frame on
-    a straight line."""
+    """Path between Cartesian waypoints: ``joint`` moves all joints in step, ``line`` moves the
+    frame on a straight line."""
     driven: list[str] | None = None
     """In closed loops, joints whose drives lead the frame; if not given, those nearest to the base
     that determine the others."""
 
     def given(self) -> dict[str, Any]:
+        """Values of the keys that are given."""
         values = {field.name: getattr(self, field.name) for field in fields(self)}
         return {name: value for name, value in values.items() if value is not None}
 
@@ -142,7 +146,7 @@ class IntegrationTable(Integration):
 
 @dataclass(frozen=True, kw_only=True)
 class Output(RecordSettings):
-    """What is recorded."""
+    """Records of a run, and figures."""
 
     figures: bool = True
     """Whether figures that compare the cases are drawn; the overview, if there is one case."""
@@ -150,20 +154,20 @@ class Output(RecordSettings):
 
 @dataclass(frozen=True, kw_only=True)
 class HeldPayload(Payload):
-    """A payload of which the frame may be left out."""
+    """A payload whose frame may be left out."""
 
     frame: str = field(default="", kw_only=True)
-    """Frame that holds it; if not given, the tool."""
+    """Frame that holds the payload; if not given, the tool."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Model:
-    """A scenario, cases aside. What describes objects of the package is checked, not yet made."""
+    """A scenario, cases aside. Tables of the package's objects are checked, but not yet objects."""
 
     further_keys: ClassVar[tuple[str, ...]] = ("cases", "sweep")
 
     title: str = ""
-    """What the scenario is about, in a line."""
+    """Title of the scenario, a line."""
     robot: Robot = Robot()
     """The robot or linkage."""
     linkage: Linkage | None = None
@@ -189,7 +193,7 @@ class Model:
     """Position at the start of joints without reference, or of single coordinates such as
     ``"joint_b.x"``; with ``tool_position``, where inverse kinematics begins."""
     start_speed: dict[str, float] = quantity(*ANGULAR_SPEED, default_factory=dict)
-    """Speeds at the start, likewise."""
+    """Speed at the start of joints without reference, or of single coordinates."""
     loads: dict[str, Load] = field(default_factory=dict)
     """Other loads, each under a name of your choice."""
     payloads: list[HeldPayload] = field(default_factory=list)
@@ -199,7 +203,7 @@ class Model:
     integration: IntegrationTable = IntegrationTable()
     """Time integration, and the start."""
     output: Output = Output()
-    """What is kept."""
+    """Records and figures."""
 
 
 def require_machine(model: Model) -> None:
@@ -208,7 +212,7 @@ def require_machine(model: Model) -> None:
         raise JointplayError("give [robot] urdf or [linkage], not both", where=("linkage",))
     if not model.robot.urdf and model.linkage is None:
         raise JointplayError(
-            "what moves is missing: give [robot] urdf, or a [linkage] of points and links",
+            "the machine is missing: give [robot] urdf, or a [linkage] of points and links",
             where=("robot",),
         )
     if model.linkage is not None and model.robot.xacro:
@@ -216,4 +220,4 @@ def require_machine(model: Model) -> None:
 
 
 NOT_IN_A_CASE = ("title", "cases", "sweep")
-"""Keys that a case does not have."""
+"""Keys that a case must not have."""

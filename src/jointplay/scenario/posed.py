@@ -1,4 +1,4 @@
-"""A machine that stands at poses, as it was asked for: what holds it, and what of that counts."""
+"""Machines at rest at poses, as a request describes them; options that then have no effect."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ IN_MOTION = (
     *("drive.damping_ratio", "drives.*.damping_ratio", "gears.*.damping", "joints.*.restitution"),
     *("integration", "output"),
 )
-"""Keys that say nothing of a machine that stands; `*` is any name."""
+"""Keys without effect on a machine that stands; `*` is any name."""
 OF_CONTACTS = tuple(
     f"joints.*.{key}"
     for key in (
@@ -29,24 +29,25 @@ OF_CONTACTS = tuple(
         *("bearing_material", "journal_material"),
     )
 )
+"""Keys of contacts: stiffness and friction, and materials."""
 AT_REST = (
     *("drive", "drives", "joint_friction", "payloads", "loads", "robot.gravity"),
     *("gears.*.stiffness", "gears.*.rotor_inertia", *OF_CONTACTS),
 )
-"""Keys that say where a machine rests, and not how far its play lets it go."""
+"""Keys that decide where a machine rests, but not how far its play lets it go."""
 
 
 @dataclass(frozen=True)
 class PosedMachine:
-    """A machine that stands, and who gave what of it."""
+    """A machine that stands at poses, with the scenario that describes it."""
 
     scenario: Scenario
     case: str
     of_file: bool
-    """Whether the scenario is one of a file, and not of a robot."""
+    """Whether the scenario comes from a file, and not from a robot."""
     poses: Poses
     notes: list[str]
-    """What was chosen for the user, a line each."""
+    """Lines on what was chosen for the user."""
 
     @classmethod
     def of(
@@ -58,17 +59,17 @@ class PosedMachine:
         workspace: int | None = None,
         single: bool = False,
     ) -> PosedMachine:
-        """The machine of a request's scenario, at the poses at which it is to be looked at.
+        """The machine of a request's scenario, at poses that are given or follow its motion.
 
         Args:
-            request, scenario: what was asked for, and its scenario.
+            request, scenario: the request, and its scenario.
             poses: each as ``JOINT=X,...``; see `read_pose`.
             file: CSV of poses; see `read_poses`.
             workspace: number of poses spread over the limits of all joints.
-            single: whether it is one pose, which does not follow the scenario's motion.
+            single: whether one pose is wanted, which does not follow the scenario's motion.
 
         Raises:
-            JointplayError: what is given cannot be read, or be a pose of the machine.
+            JointplayError: a pose cannot be read, or the machine cannot take it.
         """
         case = request.case or scenario.cases[0]
         machine = scenario.simulation(request.case, still=True)
@@ -76,7 +77,7 @@ class PosedMachine:
         if file is not None:
             given = read_poses(machine.mechanism, Path(file))
         elif poses:
-            several = len(poses) > 1  # else its name need not be said
+            several = len(poses) > 1  # a single pose needs no name
             given = {text * several: read_pose(machine.mechanism, text) for text in poses}
         moved = any(setting.key == ("motion", "file") for setting in request.keys)
         if single and not given and not moved:
@@ -93,9 +94,9 @@ class PosedMachine:
         return cls(scenario, case, request.of_file, standing, notes)
 
     def undecided(self, force: bool) -> str:
-        """What decides where it rests and nobody gave, to add to a sentence.
+        """A clause on values that nobody gave and that decide where the machine rests.
 
-        `force`: whether one is on the tool.
+        `force`: whether a force acts on the tool.
         """
         machine = self.poses.machine
         loaded = bool(machine.payloads or machine.loads) or force
@@ -112,26 +113,26 @@ class PosedMachine:
 
     @property
     def values(self) -> list[Value]:
-        """The values of which it is made, with their origins."""
+        """The values that describe the machine, with their origins."""
         machine = self.poses.machine
-        if machine.motion is not None:  # which leads some of its drives
+        if machine.motion is not None:  # as a run has it, where the motion leads some drives
             machine = self.scenario.simulation(self.case)
         return values(machine, self.scenario.origins(self.case), merged=False)
 
     @property
     def simulation(self) -> Simulation | None:
-        """As a run of a scenario file has it; None of a robot."""
+        """The simulation of a scenario file's case; None for a robot."""
         return self.scenario.simulation(self.case) if self.of_file else None
 
     def refuse_idle(self, patterns: Sequence[str], why: str) -> None:
-        """Refuse options for keys that would act on nothing; `*` stands for any name."""
+        """Refuse options for keys that would have no effect; `*` stands for any name."""
         for setting in self.scenario.settings:
             option = setting.source.startswith("--") and not setting.source.startswith("--preset")
-            if option and any(_is_of(setting, pattern) for pattern in patterns):
+            if option and any(_matches(setting, pattern) for pattern in patterns):
                 raise JointplayError(f"{setting.source} {why}")
 
     def refuse_idle_friction(self, whole: bool) -> None:
-        """Refuse friction that holds nothing where it rests; if `whole`, any."""
+        """Refuse options of friction that holds nothing at rest; with `whole`, any friction."""
         if whole:
             why = "acts on where the machine rests, which --whole does not ask"
             self.refuse_idle(("joint_friction", "joints.*.friction"), why)
@@ -141,8 +142,8 @@ class PosedMachine:
                 raise JointplayError(f"{setting.source} {why}")
 
 
-def _is_of(setting: Setting, pattern: str) -> bool:
-    """Whether a setting is of a key, or of one below it."""
+def _matches(setting: Setting, pattern: str) -> bool:
+    """Whether a setting's key matches a pattern, or lies below one that does."""
     parts = pattern.split(".")
     known = zip(parts, setting.key, strict=False)
     return len(parts) <= len(setting.key) and all(part in (key, "*") for part, key in known)

@@ -1,4 +1,4 @@
-"""What is publicly known of robots' joints, and classes to choose from where nothing is.
+"""Presets: numbers of robots' joints as publicly known, or of a class of robots to choose from.
 
     jointplay robots --presets
     jointplay run so101 --preset
@@ -8,8 +8,8 @@
     import jointplay as jp
     robot = jp.presets.preset("so101").mechanism()
 
-Each is a file, in ``data/`` or one's own: tables of a scenario, and for each number whether it was
-measured on this robot, seen in a public source, estimated from one, or assumed.
+A preset is a file, in ``data/`` or one's own: tables of a scenario by joint, and for each number
+its origin: measured on this robot, seen in a public source, estimated from one, or assumed.
 """
 
 from __future__ import annotations
@@ -44,33 +44,34 @@ if TYPE_CHECKING:
 
 __all__ = ["LEFT_OUT", "ORIGINS", "Origin", "Preset", "preset", "preset_of", "presets"]
 _TABLES = {"bearing": "joints", "gear": "gears", "drive": "drives", "friction": "joint_friction"}
-"""Tables of a scenario by what a preset calls a joint's."""
+"""Tables of a scenario by the part of a joint that a preset has."""
 _KINDS: dict[str, Any] = {
     "bearing": Clearance,
     "gear": Gearing,
     "drive": Drive,
     "friction": JointFriction,
 }
+"""Classes of the parts of a joint."""
 ORIGINS = ("measured", "seen", "estimated", "assumed")
-"""What a number can be."""
+"""Possible origins of a number."""
 QUANTITIES = {
     "gear.play": "gear_play",
     "gear.stiffness": "gear_compliance",
     "friction.coulomb": "dry_friction",
 }
-"""What measurements call numbers of a joint; of bearings as the number is called."""
+"""Names that identification has for numbers of a joint; for other numbers it has their own."""
 _UNSAID = "what the file says"
 _NONE = "no preset: tables such as [joint.elbow.gear] or [joint.elbow.bearing] are needed"
 LEFT_OUT = {
     "openarm": "Damiao's manuals of its motors state ratios of 9, 40 and 10, but no backlash",
     "dummy": "its strain-wave gears (ratios 50, 30, 30, 24, 30, 50) have no stated maker or size",
 }
-"""Robots of which too little is public for a preset, and what there is."""
+"""Robots without a preset because too little is public, and what is known of them."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Joint:
-    """Tables of a joint as a scenario has them; what they lack may be given elsewhere."""
+    """Tables of a joint as a scenario has them; keys that they lack may be given elsewhere."""
 
     bearing: Any = None
     gear: Any = None
@@ -87,6 +88,8 @@ class _Joints(_Joint):
 
 @dataclass(frozen=True, kw_only=True)
 class _Head:
+    """Table [preset] of a file; see `Preset`."""
+
     description: str = ""
     known: str = _UNSAID
     robots: tuple[str, ...] = ()
@@ -96,18 +99,18 @@ class _Head:
 
 @dataclass(frozen=True, kw_only=True)
 class Origin:
-    """Where a number of a preset comes from."""
+    """The origin of a number of a preset."""
 
     key: str
-    """Of the number: ``gear.play``, or with the joint before it; or several, with commas."""
+    """Key of the number: ``gear.play``, or with the joint before it; or several, with commas."""
     value: str
-    """As text, for readers."""
+    """The number as text, for readers."""
     origin: str = choice("origin", ORIGINS)
     """Whether it was measured on this robot, seen in a source, estimated from one, or assumed."""
     source: str
-    """Where it was seen, or from what estimated."""
+    """The source in which it was seen, or from which it was estimated."""
     interval: tuple[float, ...] = quantity("", default=())
-    """Ends of the 95 % interval of one that was measured on this robot [SI]."""
+    """Ends of the 95 % interval of a number that was measured on this robot [SI]."""
 
     def __post_init__(self) -> None:
         if self.interval and (len(self.interval) != 2 or self.interval[0] > self.interval[1]):
@@ -122,7 +125,7 @@ class Origin:
 
 @dataclass(frozen=True, kw_only=True)
 class _File:
-    """What the file of a preset can say; see `Preset`."""
+    """The format of a preset's file; see `Preset`."""
 
     preset: _Head = _Head()
     every: _Joints | None = None
@@ -132,29 +135,33 @@ class _File:
 
 @dataclass(frozen=True)
 class Preset:
-    """Joints of a robot, or of robots of a kind."""
+    """Bearings, gears, drives and friction of a robot's joints, or of a class of robots'.
+
+    One of `every`, `ordered` and `named` has the tables.
+    """
 
     name: str
     description: str
-    """What it is."""
+    """The robot, or class of robots, in a line."""
     known: str
-    """What is publicly known of it."""
+    """What is publicly known of the robot, in words."""
     robots: tuple[str, ...]
-    """Short names of robots that it is for; none: any arm."""
+    """Short names of the robots that the preset is for; none: any arm."""
     robot: str | None
-    """URDF that it was made for, if there is one."""
+    """URDF that the preset was made for, if there is one."""
     errors: str
     """Class of errors besides play (`accuracy.robot_errors`)."""
     origins: tuple[Origin, ...]
     every: Mapping[str, Any] = field(default_factory=dict)
-    """Tables of each of its joints, and their names; empty if `ordered` or `named` has them."""
+    """Tables for each of several joints, and under ``joints`` their names."""
     ordered: tuple[Mapping[str, Any], ...] = ()
-    """Tables by the order of joints from the base on; the last is for all that follow."""
+    """Tables in the order of joints from the base on; the last is for all that follow."""
     named: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     """Tables by joint."""
 
     @property
     def assumed(self) -> bool:
+        """Whether nothing in the preset has a source."""
         return all(origin.origin == "assumed" for origin in self.origins)
 
     @classmethod
@@ -166,15 +173,14 @@ class Preset:
         tables: Mapping[str, Mapping[str, Any]],
         robot: str | None = None,
     ) -> Preset:
-        """The bearings and gears of a mechanism, as a preset of its own.
+        """Preset of the bearings and gears of a mechanism.
 
         Args:
-            mechanism: whose joints.
-            description: what it is.
-            origins: where its numbers come from.
-            tables: more of them, such as of ``drive`` and ``friction``, by what a preset calls
-                them and by joint.
-            robot: name or path of its robot.
+            mechanism: the mechanism.
+            description: a line on the robot.
+            origins: origins of the numbers.
+            tables: further tables by part, such as ``drive`` and ``friction``, and by joint.
+            robot: name or path of the robot.
         """
         parts: dict[str, Mapping[str, Any]] = {
             "bearing": {
@@ -185,8 +191,8 @@ class Preset:
             "gear": {name: shortest(Gearing, value) for name, value in mechanism.gears.items()},
         }
         named: dict[str, dict[str, Any]] = {}
-        for some in (parts, tables):
-            for part, by_joint in some.items():
+        for by_part in (parts, tables):
+            for part, by_joint in by_part.items():
                 for joint, table in by_joint.items():
                     named.setdefault(joint, {})[part] = table
         known = "what was measured on this robot, and what stood in its scenario"
@@ -203,7 +209,10 @@ class Preset:
 
     @property
     def intervals(self) -> dict[tuple[str, str], tuple[float, float]]:
-        """Of what was measured on this robot, by joint and quantity as measurements call it."""
+        """Intervals of numbers measured on this robot, by joint and name in identification.
+
+        A compliance has the reciprocal ends of a stiffness.
+        """
         intervals = {}
         for origin in self.origins:
             if len(origin.interval) != 2:
@@ -218,7 +227,7 @@ class Preset:
         return intervals
 
     def _numbers(self) -> Iterator[tuple[str, str, Mapping[str, Any]]]:
-        """Each table: whose, part, what it holds; whose is empty where a table is for many."""
+        """Each table of the preset: joint, empty if it is for several, part, and table."""
         for whose, tables in [
             ("", self.every),
             *(("", joint) for joint in self.ordered),
@@ -229,7 +238,7 @@ class Preset:
                     yield whose, part, table
 
     def lacks(self) -> list[str]:
-        """What keeps it from being part of jointplay, a line each: numbers without origin, ..."""
+        """Lines on what the preset lacks to be part of jointplay: origins of numbers, ..."""
         explained = {key.strip() for origin in self.origins for key in origin.key.split(",")}
         lines, held = [], set()
         for whose, part, table in self._numbers():
@@ -256,12 +265,12 @@ class Preset:
         return lines
 
     def tables(self, description: Description) -> dict[str, dict[str, Any]]:
-        """Tables of a scenario for a robot: ``joints``, ``gears``, ``drives``, by joint.
+        """Tables of a scenario for a robot: ``joints``, ``gears``, ``drives``, ..., by joint.
 
         Raises:
-            JointplayError: the robot has not all of its joints.
+            JointplayError: the robot does not have all joints of the preset.
         """
-        able, holds = ("revolute", "continuous"), description.joints
+        holds = description.joints
         if self.every or self.named:
             tables_of = self.named or dict.fromkeys(self.every["joints"], self.every)
             if tables_of.keys().isdisjoint(holds):
@@ -273,8 +282,9 @@ class Preset:
                 require_known("joint", name, holds, f"; preset {self.name!r} names it")
             by_joint = list(tables_of.items())
         else:
-            turning = [name for name, entry in holds.items() if entry.kind in able]
-            turning.sort(key=lambda name: len([*description.above(holds[name].parent)]))
+            turning = sorted(
+                description.revolute, key=lambda name: len([*description.above(holds[name].parent)])
+            )
             last = len(self.ordered) - 1
             by_joint = [(name, self.ordered[min(k, last)]) for k, name in enumerate(turning)]
         by_table: dict[str, dict[str, Any]] = {}
@@ -285,6 +295,7 @@ class Preset:
         return by_table
 
     def settings(self, description: Description) -> list[Setting]:
+        """Settings of a scenario for a robot, with their origins; see `tables`."""
         parts = {table: part for part, table in _TABLES.items()}
         settings = []
         for table, joints in self.tables(description).items():
@@ -297,7 +308,7 @@ class Preset:
         return settings
 
     def _origin(self, joint: str, part: str, key: str) -> tuple[str, str]:
-        """Origin of a number of a joint, and where it was seen; of what has none, that it is so."""
+        """Origin and source of a number of a joint: of the most special key that covers it."""
         names = (f"{joint}.{part}.{key}", f"{joint}.{part}", f"{part}.{key}", part)
         for name in names:
             for origin in self.origins:
@@ -306,11 +317,11 @@ class Preset:
         return ASSUMED, ""
 
     def mechanism(self, robot: str | Path | None = None, **options: Any) -> Mechanism:
-        """A robot with these joints and gears.
+        """A robot with the joints and gears of the preset.
 
         Args:
             robot: a URDF or a robot's name; None takes the preset's own.
-            options: of `Mechanism`.
+            options: options of `Mechanism`.
 
         Raises:
             JointplayError: no robot is given and the preset has none.
@@ -327,7 +338,7 @@ class Preset:
         return robot_scenario(str(place), settings=settings, moves=False).mechanism()
 
     def drives(self, description: Description) -> dict[str, Drive]:
-        """Drives that it knows, by joint; see `tables`."""
+        """Drives of a robot's joints in the preset, by joint; see `tables`."""
         tables = self.tables(description).get("drives", {})
         return {name: read(Drive, table) for name, table in tables.items()}
 
@@ -338,7 +349,7 @@ class Preset:
 
     @property
     def text(self) -> str:
-        """The file that `preset` reads, of one with tables by joint."""
+        """Text of the preset's file, which `preset` reads; for a preset with `named` tables."""
         head = {"description": self.description, "known": self.known, "robots": list(self.robots)}
         head |= {"robot": self.robot} if self.robot else {}
         head |= {"errors": self.errors} if self.errors else {}
@@ -354,14 +365,15 @@ def _files() -> list[Path]:
 
 @cache
 def _presets() -> dict[str, Preset]:
+    """Presets that ship with the package, by name."""
     return {path.stem: _read(path, path.stem) for path in _files()}
 
 
 @cache
 def _known() -> dict[str, str]:
-    """Names of presets by the robots of which they tell what is publicly known.
+    """Names of presets with publicly known numbers, by the short names of their robots.
 
-    Read without a check, which takes as long as the rest of a command's start.
+    The files are not checked, for that takes as long as the rest of a command's start.
     """
     known: dict[str, str] = {}
     for path in _files():
@@ -372,6 +384,7 @@ def _known() -> dict[str, str]:
 
 
 def _read(path: Path, name: str) -> Preset:
+    """Read and check a preset's file."""
     text = read_text(path, "preset")
     data = parsed(text, path)
     try:
@@ -383,8 +396,8 @@ def _read(path: Path, name: str) -> Preset:
                         check(_KINDS[part], tables[part])
                         if isinstance(tables[part], Mapping):
                             ask_scales(_KINDS[part], tables[part])
-                    except MissingKey as error:
-                        if error.where:  # of a table within
+                    except MissingKey as error:  # of the part itself may be given elsewhere
+                        if error.where:
                             raise
         if bool(file.every) == bool(file.joint):
             raise JointplayError(
@@ -413,7 +426,7 @@ def _read(path: Path, name: str) -> Preset:
 
 
 def _places(data: Mapping[str, Any]) -> Iterator[tuple[tuple[str | int, ...], Mapping[str, Any]]]:
-    """Where a file has tables of joints, and these."""
+    """Keys of the tables of joints in a preset's file, and these tables."""
     joint = data.get("joint", {})
     for key, tables in joint.items() if isinstance(joint, dict) else enumerate(joint):
         yield ("joint", key), tables
@@ -422,7 +435,7 @@ def _places(data: Mapping[str, Any]) -> Iterator[tuple[tuple[str | int, ...], Ma
 
 
 def _whole(tables: Mapping[str, Any]) -> dict[str, Any]:
-    """A joint's tables, a bare word as the table for which it stands."""
+    """A joint's tables, with a table in place of a bare word for its kind."""
     return {
         part: {"kind": table} if part in _TABLES and isinstance(table, str) else table
         for part, table in tables.items()
@@ -435,11 +448,11 @@ def presets() -> list[str]:
 
 
 def preset(name: str | Path) -> Preset:
-    """A preset by its name, or a file of one's own, a path that ends in ``.toml``.
+    """A preset by its name, or from a file of one's own, whose path ends in ``.toml``.
 
     Raises:
-        MissingName: none of that name; the nearest are named.
-        JointplayError: the file is missing, or is none.
+        MissingName: there is no preset of that name; the message has the nearest names.
+        JointplayError: the file is missing, or is no preset.
     """
     require_a("name", name, "str", "Path")
     text, known = str(name), _presets()
@@ -452,12 +465,12 @@ def preset(name: str | Path) -> Preset:
 
 
 def own_preset(robot: str) -> str:
-    """Name of the preset that tells what is publicly known of a robot's joints; else empty."""
+    """Name of the preset with publicly known numbers of a robot's joints; empty without one."""
     return _known().get(_short(robot), "")
 
 
 def _short(robot: str) -> str:
-    """What a robot, or a file of it, is called in presets."""
+    """Short name of a robot, or of its file, as presets have it."""
     return Path(robot).name.partition(".")[0].lower()
 
 
@@ -465,7 +478,7 @@ def preset_of(robot: str) -> Preset:
     """The preset for a robot, by its short name such as ``so101``, or a file of that name.
 
     Raises:
-        JointplayError: nothing is publicly known of its joints; the message has what to choose.
+        JointplayError: nothing is publicly known of its joints; the message has presets to choose.
     """
     require_a("robot", robot, "str", "Path")
     if known := own_preset(robot):

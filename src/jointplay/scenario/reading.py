@@ -1,4 +1,10 @@
-"""A scenario file: read, its cases merged and checked, each ready to simulate."""
+"""Reading scenario files: TOML with the line of every error, settings on top, cases merged.
+
+A value of a case counts more than one of the file's own tables, a setting (`Setting`, as by
+``--set KEY=VALUE``) more than both; beneath all lies what the robot's own file says beyond a URDF.
+`Scenario` merges these into a checked `declarations.Model` for each case; `build` makes simulations
+of it.
+"""
 
 from __future__ import annotations
 
@@ -41,26 +47,28 @@ if TYPE_CHECKING:
     from jointplay.simulation.simulation import Simulation
 
 
-# TOML files of users, and where in them a key stands: errors name its line.
+# TOML files of users, and the lines of their keys, which errors name.
 
 LONGEST = 5_000_000
 """Most characters of a file (judged: a motion of 100,000 rows; longer ones are CSV)."""
 DEEPEST = 50
-"""Most parts of a key: those of scenarios have fewer than ten, and what reads them calls itself."""
+"""Most parts of a key: scenarios have fewer than ten, and readers of keys are recursive."""
 _DEEP_KEY = re.compile(
     r"(?<![\w\"'-])(?:[\w\"'-]+[ \t]*\.[ \t]*){%d}" % DEEPEST  # noqa: UP031
 )
 Key = tuple[str | int, ...]
+"""Path of a key: names of tables and keys, and indices of lists."""
 _TRIED = 30
-"""Lines of a statement that is open at its end after which the rest is awaited."""
+"""Lines of an open statement after which it is parsed again only once its brackets are closed."""
 _BARE = re.compile(r"[A-Za-z0-9_-]+")
 
 
 def parsed(text: str, path: Path) -> dict[str, Any]:
-    """What a TOML file says.
+    """Parse a TOML file.
 
     Raises:
-        JointplayError: it is no TOML, or too much; the message has the file and the line.
+        JointplayError: the text is no TOML, or too long or deep; the message has the file and the
+            line.
     """
     if len(text) > LONGEST:
         size, most = f"{len(text) / 1e6:.3g} MB", f"{LONGEST / 1e6:g} MB"
@@ -80,7 +88,7 @@ def parsed(text: str, path: Path) -> dict[str, Any]:
 
 
 def dotted(path: Sequence[str | int]) -> str:
-    """A key's path as TOML writes it, elements of lists in brackets from 1."""
+    """A key's path as TOML writes it, with elements of lists in brackets, counted from 1."""
     text = ""
     for part in path:
         if isinstance(part, int):
@@ -92,7 +100,11 @@ def dotted(path: Sequence[str | int]) -> str:
 
 
 def lines(text: str) -> dict[Key, int]:
-    """Line at which each key of a well-formed TOML text stands, tables at their header."""
+    """Line of each key in a well-formed TOML text; that of a table is its header's.
+
+    tomllib keeps no positions. So lines are collected until they parse by themselves: then they are
+    one statement, whose keys are on its first line.
+    """
     known: dict[Key, int] = {}
     counts: dict[Key, int] = {}
     table: Key = ()
@@ -100,7 +112,8 @@ def lines(text: str) -> dict[Key, int]:
     opened = 0
     for number, line in enumerate(text.splitlines(), 1):
         chunk.append(line)
-        # Brackets may stand in text, so this is a guess; to try each line of a long list is slow.
+        # Brackets may stand in text, so this is a guess; but to try each line of a long list would
+        # be slow.
         opened += sum(line.count(c) for c in "[{") - sum(line.count(c) for c in "]}")
         if opened > 0 and len(chunk) > _TRIED:
             continue
@@ -121,12 +134,13 @@ def lines(text: str) -> dict[Key, int]:
 
 
 def _note(known: dict[Key, int], path: Key, line: int) -> None:
+    """Note the line of a key, and of the tables above it that have none yet."""
     for size in range(1, len(path) + 1):
         known.setdefault(path[:size], line)
 
 
 def _header(parsed: Any, counts: dict[Key, int]) -> Key:
-    """Path that ``[a.b]`` or ``[[a.b]]`` opens, with indices of arrays of tables."""
+    """Path that a header ``[a.b]`` or ``[[a.b]]`` opens, with indices of arrays of tables."""
     path: Key = ()
     while parsed:
         if isinstance(parsed, list):  # [[...]]: a new element
@@ -140,6 +154,7 @@ def _header(parsed: Any, counts: dict[Key, int]) -> Key:
 
 
 def _paths(parsed: Any) -> list[Key]:
+    """Paths of a value and of all values in it."""
     if isinstance(parsed, dict):
         items: Any = parsed.items()
     elif isinstance(parsed, list):
@@ -150,22 +165,19 @@ def _paths(parsed: Any) -> list[Key]:
 
 
 def said_at(path: Path, known: Mapping[Key, int], place: Sequence[str | int]) -> str:
-    """File, line and key of what an error is about, as its message begins."""
-    line = line_of(known, place)
+    """Beginning of an error's message: file, line and key.
+
+    The line (of `known`, see `lines`) is that of the key at `place`, or of the nearest table above
+    it that the file has.
+    """
+    above = (tuple(place[:size]) for size in range(len(place), 0, -1))
+    line = next((known[key] for key in above if key in known), None)
     parts = [str(path), *([] if line is None else [f"line {line}"])]
     return ", ".join([*parts, *([dotted(place)] if place else [])])
 
 
-def line_of(known: Mapping[Key, int], path: Sequence[str | int]) -> int | None:
-    """Line of the key at `path`, or of the nearest table above it that the file has."""
-    for size in range(len(path), 0, -1):
-        if tuple(path[:size]) in known:
-            return known[tuple(path[:size])]
-    return None
-
-
 def _syntax(message: str) -> str:
-    """Tomllib's message, its place in front."""
+    """Tomllib's message, with the place in front."""
     parts = re.fullmatch(r"(.*) \(at (?:line (\d+), column (\d+)|end of document)\)", message)
     if parts is None:
         return f": {message}"
@@ -184,18 +196,19 @@ def _syntax(message: str) -> str:
 
 @dataclass(frozen=True)
 class Setting:
-    """A key, its value as TOML has it, and who gave it."""
+    """A key of a scenario, its value, and where that comes from."""
 
     key: tuple[str, ...]
     value: Any
+    """Value as TOML has it."""
     source: str
-    """What errors name: the option that gave it."""
+    """The option that gave the value, as errors name it."""
     origin: str = GIVEN
-    """``given``, ``file`` of the robot; of presets ``measured``, ``seen``, ``estimated``;
-    ``assumed`` if it stands for what nobody gave."""
+    """Origin of the value: ``given``; ``file``, of the robot; ``measured``, ``seen`` or
+    ``estimated``, of a preset; ``assumed`` if nobody gave it."""
 
     why: str = ""
-    """Where a number was seen, or why it was chosen."""
+    """Where the value was seen, or why it was chosen."""
 
     @property
     def assumed(self) -> bool:
@@ -203,7 +216,7 @@ class Setting:
 
 
 def parse(text: str) -> Setting:
-    """A setting written as ``KEY=VALUE``: a dotted key, and its value as in a scenario file.
+    """Read a setting written as ``KEY=VALUE``: a dotted key, and its value as in a scenario file.
 
     Text needs no quotes, for shells take them away: ``drive.kind=prescribed``.
 
@@ -234,9 +247,10 @@ def parse(text: str) -> Setting:
 
 
 def with_names(settings: Iterable[Setting], names: Collection[str]) -> list[Setting]:
-    """Settings in which parts of keys that spell one of `names` together are that name.
+    """Settings with names that contain dots put together again in their keys.
 
-    Shells take quotes away: ``joints."joint_0.0".ideal`` comes as ``joints.joint_0.0.ideal``.
+    Shells take quotes away: ``joints."joint_0.0".ideal`` comes as ``joints.joint_0.0.ideal``. Parts
+    of a key that together spell one of `names` become that name.
     """
     spelled = {tuple(name.split(".")): name for name in names if "." in name}
     renamed = []
@@ -253,6 +267,7 @@ def with_names(settings: Iterable[Setting], names: Collection[str]) -> list[Sett
 
 
 def _value(text: str) -> Any:
+    """A value as TOML reads it, or else the text itself."""
     for written in (text, json.dumps(text, ensure_ascii=False)):
         try:
             table = tomllib.loads(f"value = {written}", parse_float=not_lost)
@@ -264,7 +279,7 @@ def _value(text: str) -> Any:
 
 
 def tree(settings: Iterable[Setting]) -> dict[str, Any]:
-    """All settings as tables within tables; of two for one key the later counts."""
+    """Settings as nested tables; of two for one key the later counts."""
     root: dict[str, Any] = {}
     for setting in settings:
         here = root
@@ -278,7 +293,7 @@ def tree(settings: Iterable[Setting]) -> dict[str, Any]:
 
 
 def given_by(settings: Iterable[Setting], path: Key) -> str | None:
-    """Which setting gave the key at `path`, the last one of several; None if none did."""
+    """Source of the last setting that gave the key at `path`; None if none did."""
     sources = [
         setting.source
         for setting in settings
@@ -288,12 +303,12 @@ def given_by(settings: Iterable[Setting], path: Key) -> str | None:
 
 
 def setting_texts(settings: Iterable[Setting]) -> list[str]:
-    """Settings as lines that `parse` reads, to be kept with a result."""
+    """Settings as texts that `parse` reads, to be kept with a result."""
     return [f"{dotted(s.key)}={inline(s.value)}" for s in settings]
 
 
 def as_toml(data: Mapping[str, Any]) -> str:
-    """Tables as a TOML file has them: single keys first, then a section a table."""
+    """Text of a TOML file: single keys first, then a section for each table."""
     lines: list[str] = []
     _section((), data, lines)
     return "\n".join(lines).lstrip("\n") + "\n"
@@ -316,15 +331,15 @@ def inline(value: Any) -> str:
     if isinstance(value, list | tuple):
         return f"[{', '.join(map(inline, value))}]"
     if isinstance(value, float):
-        return repr(float(value))  # also of numpy's
+        return repr(float(value))  # NumPy's floats, too
     return json.dumps(value, ensure_ascii=False, default=str)
 
 
-# The robot that settings make of its file, and what that file says beyond a URDF.
+# The robot's own file, read with the settings that concern it.
 
 
 def description_of(place: str, settings: Sequence[Setting], folder: Path = Path()) -> Description:
-    """A robot with what settings allow and hold; what else they say is read with the scenario."""
+    """A robot read with the settings that concern its file: `allow_unphysical`, `fix`, `xacro`."""
     robot = tree(settings).get("robot", {})
     names = {key: robot.get(key) for key in ("allow_unphysical", "fix")}
     allowed, fix = (value if isinstance(value, list) else [] for value in names.values())
@@ -337,7 +352,10 @@ def description_of(place: str, settings: Sequence[Setting], folder: Path = Path(
 
 
 def settings_beyond(description: Description, ideal: bool) -> list[Setting]:
-    """What a robot's file says beyond a URDF, of joints that move; play unless it is `ideal`."""
+    """Settings from what a robot's file says beyond a URDF, for joints that move.
+
+    If it is `ideal`, gears have no play.
+    """
     settings = []
     for table, rows in description.beyond.tables.items():
         for name, row in rows.items():
@@ -353,16 +371,17 @@ def settings_beyond(description: Description, ideal: bool) -> list[Setting]:
 
 
 TOLERANCE = 1e-3
-"""Tolerance of the steps of a machine of which nothing else is said: on random robots as good as
-equal steps of 10 us, at two thirds of their cost (docs/integrators.md)."""
+"""Tolerance of the steps if nothing is said of them: on random robots as good as equal steps of
+10 us, at two thirds of their cost (docs/integrators.md)."""
 BY_ERROR = f"steps: by their own error, tolerance {TOLERANCE:g} (--step makes them equal)"
-"""How that is told."""
+"""Line that says so among the assumptions."""
 _SELECTORS = ("kind", "law")
+"""Keys that select another class for the rest of their table."""
 _TABLES = {
     **{field.name: "integration" for field in fields(IntegrationTable)},
     **{field.name: "output" for field in fields(Output)},
 }
-"""Tables of a scenario that have the inputs of a simulation, by input."""
+"""Table of a scenario with each input of a simulation, by the input's name."""
 _WORDS = {"normal": "law", "friction": "law", "lubricant": "law", "drive": "kind"}
 """Keys whose bare word stands for a table with this one key."""
 
@@ -374,12 +393,12 @@ class Scenario(Overview):
     Attributes:
         path, text: the file.
         settings: single keys that count more than the file, and more than each of its cases.
-        title: what it is about.
+        title: the scenario's title.
         cases: labels of its cases, in order; a file without cases has one, named like the file.
         figures: whether figures that compare the cases are wanted.
         sweep: the table [sweep] as it stands, empty if there is none; `jointplay.study` reads it.
-        assumptions: what was chosen that nobody gave, a line each.
-        notes: what was added when simulations were built, a line each.
+        assumptions: lines on what was chosen because nobody gave it.
+        notes: lines on what was added when simulations were built.
     """
 
     def __init__(
@@ -389,9 +408,9 @@ class Scenario(Overview):
         settings: Sequence[Setting] = (),
         label: str = "",
     ) -> None:
-        """Check the scenario `text`, naming `path` in errors; see `load`.
+        """Check the scenario `text` of the file `path`; see `load`.
 
-        `label` is that of the only case of a file that names none; by default the file's name.
+        `label` names the only case of a file without cases; by default it is the file's name.
         """
         require_a("text", text, "str")
         require_a("path", path, "str", "Path")
@@ -427,7 +446,7 @@ class Scenario(Overview):
         return Scenario, (self.text, self.path, self.settings, label)
 
     def facts(self) -> tuple[str, dict[str, str]]:
-        """File and title; its robot, its cases, and what was chosen that nobody gave."""
+        """File and title; robot, cases, settings, and assumptions."""
         robot = self.model(self.cases[0]).robot.urdf or "[linkage]"
         facts = {"robot": robot, "cases": few(list(self.cases))}
         if self.settings:
@@ -444,7 +463,7 @@ class Scenario(Overview):
 
         Args:
             path: the file.
-            settings: keys that count more than the file's; see `settings.parse`.
+            settings: keys that count more than the file's; see `parse`.
 
         Raises:
             JointplayError: the file cannot be read, is no TOML, or says what cannot be. The
@@ -478,10 +497,10 @@ class Scenario(Overview):
         """The simulation of a case.
 
         Args:
-            case: its label; may be left out if there is only one.
+            case: label of the case; may be left out if there is only one.
             changes: further changes, nested as in the file, on top of those of the case.
-            still: as for who looks at the machine where it stands: with drives of all joints, led
-                or not, that hold it.
+            still: whether the machine stands: then the drives of all joints hold it, also those
+                that no motion leads.
 
         Raises:
             MissingName: no such case.
@@ -489,7 +508,7 @@ class Scenario(Overview):
         """
         case = self._chosen(case)
         model = self.model(case, changes)
-        from jointplay.scenario.build import build  # what it takes to simulate, not to check
+        from jointplay.scenario.build import build  # slow to import; a check does without
 
         with self._building(case):
             simulation, notes = build(model, self.path.parent, self._built, still)
@@ -497,6 +516,7 @@ class Scenario(Overview):
         return simulation
 
     def mechanism(self, case: str | None = None) -> Mechanism:
+        """The mechanism of a case; see `simulation`."""
         case = self._chosen(case)
         model = self.model(case)
         from jointplay.scenario.build import mechanism_of
@@ -505,13 +525,14 @@ class Scenario(Overview):
             return mechanism_of(model, self.path.parent, self._built)
 
     def _chosen(self, case: str | None) -> str:
+        """The case, or the only one if none is named."""
         if case is None and len(self.cases) > 1:
             raise JointplayError(f"{self.path}: choose a case: {', '.join(self.cases)} (--case)")
         return self.cases[0] if case is None else case
 
     @contextmanager
     def _building(self, case: str) -> Iterator[None]:
-        """Say of errors in the block where in the file they are."""
+        """Add the place in the file to errors in the block."""
         try:
             yield
         except JointplayError as error:
@@ -533,10 +554,10 @@ class Scenario(Overview):
         records: Path | None = None,
         ahead: bool = False,
     ) -> Run:
-        """A case made ready to step; see `simulation` and `Run`."""
+        """A run of a case, ready to step; see `simulation` and `Run`."""
+        case = self._chosen(case)
         simulation = self.simulation(case)
-        case = self.cases[0] if case is None else case
-        from jointplay.simulation.run import Run  # what it takes to simulate, not to check
+        from jointplay.simulation.run import Run  # slow to import; a check does without
 
         try:
             return Run(simulation, progress, records, ahead=ahead)
@@ -544,7 +565,7 @@ class Scenario(Overview):
             raise self.error(_place_of(error), str(error), case, True) from None
 
     def model(self, case: str, changes: Mapping[str, Any] | None = None) -> Model:
-        """What the file says of a case, checked; see `simulation`."""
+        """The checked tables of a case; see `simulation`."""
         if case not in self._changes:
             raise MissingName("case", case, self.cases)
         changed = self._changes[case]
@@ -567,16 +588,16 @@ class Scenario(Overview):
             raise self.error(error.where, str(error), case) from None
 
     def data(self, case: str) -> dict[str, Any]:
-        """What the file says of a case, as TOML has it; see `model`."""
+        """The tables of a case as TOML has them, merged, unchecked; see `model`."""
         table = merge(merge(self._base, self._changes[case]), self._set)
         if isinstance(drive := table.get("drive"), Mapping):
             table["drive"] = {"kind": ComputedTorque.kind, **drive}
         return merge(self._beneath(table), table)
 
     def _beneath(self, table: Mapping[str, Any]) -> dict[str, Any]:
-        """What the robot's own file says beyond a URDF, over which the scenario counts.
+        """Tables that lie beneath the scenario's: what the robot's file says beyond a URDF.
 
-        A scenario that is named like its robot is made of it and has that among its settings.
+        A scenario with its robot's name was made by `robot_scenario`, and has these as settings.
         """
         if isinstance(table.get("linkage"), Mapping):
             return self._beneath_linkage(table)
@@ -590,7 +611,7 @@ class Scenario(Overview):
         key = repr(robot)
         if key not in self._read:
             settings: list[Setting] = []
-            with suppress(JointplayError):  # which is said when the robot is built
+            with suppress(JointplayError):  # it comes up again when the robot is built
                 if formats.says_more(place, self.path.parent):
                     description = description_of(place, held, self.path.parent)
                     settings = settings_beyond(description, ideal=False)
@@ -601,7 +622,10 @@ class Scenario(Overview):
         return tree(entry for entry in self._read[key] if drives or entry.key[0] != "drives")
 
     def _beneath_linkage(self, table: Mapping[str, Any]) -> dict[str, Any]:
-        """What who draws a linkage means: plane play, a crank that keeps its speed."""
+        """Tables that lie beneath a linkage's: planar play, cranks that keep speed, steps by error.
+
+        Each becomes an assumption, as do links of round steel rods.
+        """
         beneath: dict[str, Any] = {}
         if "speeds" in table.get("motion", ()) and not {"drive", "drives"} & table.keys():
             beneath["drive"] = {"kind": "prescribed"}
@@ -643,7 +667,7 @@ class Scenario(Overview):
             self.assumptions.append(line)
 
     def origins(self, case: str) -> dict[tuple[str, ...], tuple[str, str]]:
-        """Who gave each value of a case, by key: the file, or the last setting of it."""
+        """Origin and source of each value of a case, by key: the file, or the last setting."""
         data = merge(self._base, self._changes[case])
         if Path(str(data.get("robot", {}).get("urdf"))).name == self.path.name:
             data = {key: entry for key, entry in data.items() if key not in ("title", "robot")}
@@ -657,6 +681,7 @@ class Scenario(Overview):
         return origins
 
     def _table(self, value: Any, path: Key) -> Mapping[str, Any]:
+        """A value that must be a table."""
         if not isinstance(value, Mapping):
             raise self.error(path, f"{toml_text(value)} is not a table")
         return value
@@ -666,7 +691,7 @@ class Scenario(Overview):
         return lines(self.text)
 
     def _place(self, path: Key, case: str | None) -> Key:
-        """Where the file has the key: in the case, if it is there that it has it."""
+        """Path of a key of a case in the file: in the case's tables, if these have it."""
         if case is None or not self._named:
             return path
         inside: Key = ("cases", case, *path)
@@ -680,7 +705,10 @@ class Scenario(Overview):
     def error(
         self, path: Key, message: str, case: str | None = None, built: bool = False
     ) -> JointplayError:
-        """An error of the key at `path`, with file and line; `built`: found when built."""
+        """An error about the key at `path`, with the file and line, or the setting that gave it.
+
+        `built`: whether it came up when the case was built, which the message then names.
+        """
         source = given_by(self.settings, path)
         if source is not None:
             return JointplayError(f"{source}: {' '.join(message.split())}", where=path)
@@ -691,10 +719,10 @@ class Scenario(Overview):
 
 
 def merge(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
-    """`base` with `changes`, tables merged key by key.
+    """Merge `changes` into a copy of `base`, tables key by key.
 
     A table that selects another law, kind or source of the motion replaces the one before; another
-    robot has none of the arguments of the one before.
+    robot takes none of the xacro arguments of the one before.
     """
     merged = dict(base)
     if "urdf" in changes and changes["urdf"] != base.get("urdf"):
@@ -702,7 +730,7 @@ def merge(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]
     for key, value in changes.items():
         before = merged.get(key)
         if isinstance(before, str) and isinstance(value, Mapping) and key in _WORDS:
-            before = {_WORDS[key]: before}
+            before = {_WORDS[key]: before}  # friction = "coulomb", then friction.mu_d = 0.2
         if isinstance(before, Mapping) and isinstance(value, Mapping):
             replaced = any(word in value and value[word] != before.get(word) for word in _SELECTORS)
             if key == "motion" and before.keys() & MOTION_SOURCES.keys():
@@ -714,7 +742,7 @@ def merge(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]
 
 
 def _leaves(value: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[str, ...]]:
-    """Keys of all single values in a table."""
+    """Paths of all single values in a table."""
     if not isinstance(value, Mapping):
         yield path
         return
@@ -723,6 +751,7 @@ def _leaves(value: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[str, ...]]
 
 
 def _keys(table: Mapping[str, Any]) -> Iterator[str]:
+    """All keys in a table and in the tables in it."""
     for key, value in table.items():
         yield key
         if isinstance(value, Mapping):
@@ -730,7 +759,7 @@ def _keys(table: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _place_of(error: JointplayError) -> Key:
-    """Key of a scenario that has the input of a simulation at which an error is."""
+    """Key of the scenario for an error about an input of `Simulation`."""
     where = error.where
     if where and where[0] in _TABLES:
         return (_TABLES[str(where[0])], *where)

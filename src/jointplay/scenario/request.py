@@ -1,7 +1,8 @@
-"""A machine in few words: a scenario's file or a robot, the play of its joints, a preset.
+"""Requests: a machine described by the options of a command, made into a scenario.
 
-What stands for many joints, such as a clearance of all that move the tool, or a key of every gear,
-becomes settings of each.
+A request names a scenario's file or a robot, the play of joints, a preset. Options for many joints
+at once, such as a clearance of all that move the tool, or a key of every gear, become settings of
+each (`reading.Setting`).
 """
 
 from __future__ import annotations
@@ -46,18 +47,18 @@ if TYPE_CHECKING:
     from jointplay.scenario.presets import Preset
 
 EACH = "*"
-"""Stands in a key for each joint, or each gear."""
+"""Part of a key that stands for each joint, or each gear."""
 CLEARANCE = ("joints", EACH, "clearance")
-"""Key for which each kind of joint has a name of its own: the first of its `clearance_fields`."""
+"""Key that stands for the first of `clearance_fields` of each kind of joint."""
 _OF_FIT = ("clearance", "axial_clearance", "bearing_radius", "journal_radius")
-"""What joints with a fit, and bearings of a catalogue, have by that: these are for the others."""
+"""Sizes that a fit or a catalogued bearing gives: as keys for many joints they leave out such."""
 _LINEAR = ("linear-spring", "kelvin-voigt", "anagnostopoulos")
-"""Laws whose stiffness is in N/m, and therefore their own."""
+"""Laws with a stiffness of their own, in N/m; elsewhere ``stiffness`` is the joint's."""
 
 
 @dataclass(kw_only=True)
 class Request:
-    """What is asked for; for one key the later counts of `preset`, `keys` and `settings`."""
+    """A machine as options describe it; of `preset`, `keys` and `settings` the later counts."""
 
     place: str | None = None
     """A scenario's file, or a robot as `robot_scenario` takes it; None: the SCARA."""
@@ -66,28 +67,29 @@ class Request:
     joints: Mapping[str, str | None] = field(default_factory=dict)
     """Joints with clearance, each with its size, fit, or bearing, such as ``6010/C3``, or None."""
     gears: Mapping[str, str | None] = field(default_factory=dict)
-    """Play of gears by joint, as text with its unit; ``all`` are those that move the tool."""
+    """Play of gears by joint, as text with its unit; ``all``: the joints that move the tool."""
     every: bool = False
-    """Whether ``all`` are all that move, of the tool or not."""
+    """Whether ``all`` are all joints that move, whether they move the tool or not."""
     keys: Sequence[Setting] = ()
-    """Settings. ``joints.*`` stands for each of `joints`, ``gears.*`` for each of `gears`, or else
-    for all there are; a key of the drive for all drives. They are set where there is such a key."""
+    """Settings for many: ``joints.*`` stands for each of `joints`, ``gears.*`` for each of `gears`,
+    or else for all there are; a key of the drive for all drives. Each is set where the kind of
+    joint, gear or drive has such a key."""
     payload: float | None = None
-    """Mass held at the tool, beside payloads of the file [kg]."""
+    """Mass held at the tool, besides payloads of the file [kg]."""
     registers: Sequence[str] = ()
-    """Gains of servos as their registers have them: ``P=16,D=32``, ``JOINT:P=16``."""
+    """Gains of servos as values of their registers: ``P=16,D=32``, ``JOINT:P=16``."""
     preset: Preset | None = None
     """Joints, gears and drives as they are publicly known, or were measured."""
     settings: Sequence[Setting] = ()
-    """Keys as the scenario has them, which count most."""
+    """Settings of single keys of the scenario."""
     ideal: bool = False
-    """Whether a robot is without clearance, and without play in its gears."""
+    """Whether a robot has neither clearance nor play in its gears."""
     inertia: bool = True
-    """Whether inertias matter: those that no rigid body has are refused."""
+    """Whether inertias matter, so that those that no rigid body has are refused."""
     relative_to: str | None = None
-    """Link or frame from which the tool is seen; None: the world."""
+    """Link or frame against which the tool's motion counts; None: the world."""
     whole: bool = False
-    """Whether gears' encoders matter where no gear has play."""
+    """Whether encoders of gears matter even if no gear has play."""
 
     def __post_init__(self) -> None:
         self._chosen_tool: list[Setting] = []
@@ -108,23 +110,23 @@ class Request:
 
     @property
     def of_file(self) -> bool:
-        """Whether it is of a scenario's file rather than of a robot."""
+        """Whether the machine is a scenario's file rather than a robot."""
         return self.place is not None and not robots.is_robot(self.place)
 
     @property
     def journals(self) -> list[Setting]:
-        """Those of `keys` that are of joints with clearance."""
+        """Those of `keys` for joints with clearance."""
         return [setting for setting in self.keys if setting.key[0] == "joints"]
 
     def scenario(self, moves: bool = True) -> Scenario:
-        """The scenario that is asked for.
+        """The scenario of the request.
 
         Args:
-            moves: whether a robot of which no motion is given is to have one; where nothing moves,
-                it need not have play either.
+            moves: whether a robot without a motion gets one; where nothing moves, it needs no play
+                either.
 
         Raises:
-            JointplayError: what does not go together, or what is named is not there.
+            JointplayError: options contradict each other, or name something that is not there.
         """
         asked = self.joints or self.gears or self.keys or self.settings or self.registers
         if self.file is not None and not (asked or self.payload or self.preset):
@@ -133,11 +135,12 @@ class Request:
         if self.place is None and not names and not self.ideal:
             names = [SCARA_JOINT]
         names += [] if self.ideal else self._loosened()
+        # Of two settings for one key the later counts: from the preset to single keys.
         settings = [*self._preset_settings(), *self._sized]
         beyond = []
         if self.file is None and self.place is not None:
             beyond = settings_beyond(self.description, self.ideal)
-        # What is spoken of: joints and gears that file, preset or settings have.
+        # Tables of joints, gears and drives in the file, the preset or settings.
         known = merge(self._tables, tree([*beyond, *settings, *self.settings]))
         settings += self._joint_settings(names, known.get("joints", {}))
         gears = self._gear_settings(known.get("gears", {}))
@@ -163,6 +166,7 @@ class Request:
 
     @cached_property
     def description(self) -> Description:
+        """The robot, or the linkage, of the request."""
         if self.file is None:
             return description_of(robot_place(self.place), self.settings)
         case = self.case or self.file.cases[0]
@@ -173,7 +177,7 @@ class Request:
 
     @cached_property
     def _tables(self) -> dict[str, dict[str, Any]]:
-        """What any case of the file says of single joints, by the name of the table."""
+        """Tables of single joints in any case of the file, by the table's name and the joint."""
         if self.file is None:
             return {}
         tables: dict[str, dict[str, Any]] = {
@@ -187,9 +191,9 @@ class Request:
 
     @cached_property
     def _movers(self) -> list[str]:
-        """Joints that move the tool of the robot without play, which can have some.
+        """Joints that move the tool of the ideal robot, and can have play.
 
-        A tool that is chosen for that is the tool.
+        If its tool has to be chosen, that choice is kept for the scenario (`_chosen_tool`).
         """
         if self.file is not None:
             mechanism = self.file.mechanism(self.case)
@@ -209,9 +213,9 @@ class Request:
         return [name for name in movers if name not in kinds or replacing(kinds[name])]
 
     def _loosened(self) -> list[str]:
-        """Joints that a clearance is for beside those named: all others that move the tool.
+        """Joints that a clearance without a joint is for: all that move the tool and are not named.
 
-        Unless `joints` names some without a size, which it is for, or a file has some.
+        None if `joints` names some without a size, for which it is then, or the file has joints.
         """
         sized = any(
             setting.key[2:] in (("clearance",), ("axial_clearance",)) for setting in self.journals
@@ -222,7 +226,7 @@ class Request:
         return [name for name in self._movers if name not in self.joints]
 
     def _preset_settings(self) -> list[Setting]:
-        """What the preset says of joints of which neither the file nor a fit says it."""
+        """Settings of the preset, without tables that the file has, and joints with a fit."""
         if self.preset is None:
             return []
         settings = self.preset.settings(self.description)
@@ -231,11 +235,11 @@ class Request:
         left["joints"] = [*left.get("joints", ()), *fitted]
         if self.ideal:
             left["joints"] = [setting.key[1] for setting in settings]
-        return [each for each in settings if each.key[1] not in left.get(each.key[0], ())]
+        return [s for s in settings if s.key[1] not in left.get(s.key[0], ())]
 
     @cached_property
     def _sized(self) -> list[Setting]:
-        """Bearings and fits of joints."""
+        """Settings of the bearings and fits of joints that `joints` names with one."""
         settings = []
         for name, text in self.joints.items():
             table: dict[str, str] = {}
@@ -248,12 +252,12 @@ class Request:
         return settings
 
     def _joint_settings(self, names: Sequence[str], known: Mapping[str, Any]) -> list[Setting]:
-        """What is said of these joints, in the words of each joint's kind; of all if none is named.
+        """Settings of the joints `names`, or of all if none is named, by the keys of their kinds.
 
-        `known` is what the file, the preset, and `settings` say of them.
+        `known`: tables of joints in the file, the preset and `settings`.
 
         Raises:
-            JointplayError: a key of a joint, and no joint.
+            JointplayError: there is a key for joints, and no joint.
         """
         if not (names or self.journals):
             return []
@@ -268,7 +272,7 @@ class Request:
             kinds[name] = class_of_joint(kind_of_joint(name, self.description, table))
             if self.file is not None and name not in known:
                 settings.append(assumed_joint(name, self.description, table))
-        # Joints with a fit, or a bearing of a catalogue, have their sizes by that.
+        # Joints with a fit, or a catalogued bearing, have their sizes by that.
         fitted = [
             name
             for name in joints
@@ -287,12 +291,12 @@ class Request:
             if text is not None and name not in sized:
                 path = self._path(CLEARANCE, name, kinds[name])
                 settings.append(Setting(path, number(text), f"--joint {name}={text}"))
-        if self.file is not None:  # who names a joint of one case wants its play
+        if self.file is not None:  # a joint that is named shall have play, even if a case has none
             settings += [Setting(("joints", name, "ideal"), False, "--joint") for name in names]
         return settings
 
     def _path(self, key: Sequence[str], joint: str, kind: type[Clearance]) -> tuple[str, ...]:
-        """The key of a joint: the name that its kind has for a clearance, its law's own."""
+        """The key of one joint for a key of many, with the names that its kind and law have."""
         below = tuple(key[2:])
         if below == CLEARANCE[2:]:
             below = (next(iter(kind.clearance_fields), "clearance"),)
@@ -302,14 +306,14 @@ class Request:
         return ("joints", joint, *below)
 
     def _gear_settings(self, known: Mapping[str, Any]) -> list[Setting]:
-        """What is said of gears: those of `gears`, or else all that are known."""
+        """Settings of gears: of those in `gears`, or else of all that are `known`."""
         plays: dict[str, float] = {}
         if self.gears:
             joints = self.description.joints
             units = {name: joint.unit for name, joint in joints.items() if joint.kind != "fixed"}
             if ALL in self.gears:
                 free = [name for name in units if joints[name].mimic is None]
-                # A file of the whole robot has the play of all; else that which moves the tool.
+                # Followers have no gears of their own; `every` counts joints off the tool, too.
                 movers = [n for n in (free if self.every else self._movers) if n in units]
                 plays = _play_of_each(self.gears[ALL], {name: units[name] for name in movers})
             texts = [n if x is None else f"{n}={x}" for n, x in self.gears.items() if n != ALL]
@@ -328,7 +332,7 @@ class Request:
         ]
 
     def _other_settings(self, known: Mapping[str, Any]) -> list[Setting]:
-        """Settings of neither joints nor gears; `known` is what file, preset and `settings` say."""
+        """Settings of drives, payloads and others; `known`: tables in file, preset, `settings`."""
         settings = []
         for setting in self.keys:
             if setting.key[0] == "drive":
@@ -341,7 +345,7 @@ class Request:
         return settings + self._register_settings(known.get("drives", {}))
 
     def _register_settings(self, drives: Mapping[str, Any]) -> list[Setting]:
-        """Gains that `registers` set, of the servos in the catalogue that they name, or all."""
+        """Settings of gains by `registers`, for the servos that they name, or all in `drives`."""
         able = {
             name: table
             for name, table in drives.items()
@@ -373,12 +377,16 @@ class Request:
 
 
 def _has(kind: type[Clearance], key: Sequence[str]) -> bool:
-    """Whether joints of a kind have what a key is for."""
+    """Whether joints of a kind have the field that a key of many is for."""
     return bool(kind.clearance_fields) if key == CLEARANCE else key[2] in fields_of(kind)
 
 
 def _play_of_each(text: str | None, units: Mapping[str, str]) -> dict[str, float]:
-    """A play by joint of which it has the unit."""
+    """A play for each joint with the play's unit, by joint.
+
+    Raises:
+        JointplayError: no play is given, or no joint has its unit.
+    """
     if text is None:
         raise misread(ALL, f"--gear {ALL}=PLAY")
     plays: dict[str, float] = {}
@@ -394,10 +402,10 @@ def _play_of_each(text: str | None, units: Mapping[str, str]) -> dict[str, float
 
 
 def _of_each_drive(setting: Setting, known: Mapping[str, Any]) -> list[Setting]:
-    """A setting of the drive, and of each drive that file or preset have, where it has the key.
+    """A setting for the common drive, and for each joint's own, where they have the key.
 
     Raises:
-        JointplayError: none of the drives has it.
+        JointplayError: no drive has it.
     """
     drives, key = known.get("drives", {}), setting.key[1]
     kinds = {name: _kind_of_drive(table) for name, table in drives.items()}
@@ -420,12 +428,12 @@ def _kind_of_drive(table: Any) -> str:
 
 
 def _takes(kind: str, key: str) -> bool:
-    """Whether a drive has a key; one of no known kind is refused later."""
+    """Whether a kind of drive has a key; an unknown kind is refused later."""
     return kind not in DRIVES or key in fields_of(DRIVES[kind])
 
 
 def _refuse_misspelt_robot(place: str) -> None:
-    """Refuse what is no scenario file and no name of one: perhaps a robot's name gone wrong."""
+    """Refuse a place that is neither a file nor looks like one: a robot's name gone wrong."""
     if files.is_file(Path(place)) or Path(place).suffix or "/" in place or ":" in place:
         return
     try:

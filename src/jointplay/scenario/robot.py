@@ -1,4 +1,9 @@
-"""A scenario for a bare robot: a URDF, and what stands for all that nobody said."""
+"""The scenario of a bare robot: a URDF, and defaults for all that nobody gave.
+
+A joint that is named gets a clearance, every joint a small motion there and back, steps an error
+tolerance. Each default is a setting with the origin ``assumed``, and a line in
+`Scenario.assumptions`.
+"""
 
 from __future__ import annotations
 
@@ -43,28 +48,28 @@ SCARA = f"{SHIPPED}scara.urdf"
 SCARA_JOINT = "joint_b"
 SCARA_MOTION = f"{SHIPPED}scara_motion.csv"
 LABEL = "result"
-"""Case of a bare robot, after which its file is named."""
+"""Label of a bare robot's only case, after which its result file is named."""
 ASSUMED_CLEARANCE = 2e-4
-"""Clearance of a joint of which no more is said than its name [m]: the paper's first case."""
+"""Clearance of a joint that is named without a size [m]: the paper's first case."""
 SWING = 0.2
 SLIDE = 0.05
-"""Way of a joint of which no motion is given, at most, there and back [rad, m]
+"""Largest amplitude of the default motion of joints that turn, and that slide [rad, m]
 (judged: large enough that play is run through, small enough to hit nothing)."""
 PART = 0.25
-"""Part of the way to its farther limit that it goes at most (judged)."""
+"""Largest amplitude relative to the distance from a joint's farther limit (judged)."""
 ROOM = 0.01
-"""Part of the way between its limits that it keeps from each: a drive overshoots a little."""
+"""Distance kept from each limit, relative to their range: a drive overshoots a little."""
 SWING_S = 1.0
-"""Time that it takes to get there [s] (judged: at most 0.4 rad/s, as arms move at ease)."""
+"""Duration of the way there [s] (judged: at most 0.4 rad/s, as arms move at ease)."""
 STEEPEST = 1.875
-"""Largest speed on the way from rest to rest, by its mean: 15/8 of the quintic."""
+"""Largest speed on the way from rest to rest relative to the mean: 15/8 for the quintic."""
 BRISK = 0.9
-"""Part of a joint's largest speed with which it moves at most (judged: drives overshoot)."""
+"""Largest speed of the default motion relative to a joint's own (judged: drives overshoot)."""
 SHORTEST_STEP = 1e-9
-"""A shorter one is not chosen: bodies that need it have next to no mass (judged) [s]."""
+"""Shortest step that is chosen [s]: bodies that need shorter ones have next to no mass (judged)."""
 MARGIN = 1.2
-"""Impacts elsewhere on the way may be as many times as short (judged: an effective
-mass that falls by a third on the way)."""
+"""Duration of the shortest impact at the start relative to those elsewhere on the way (judged: an
+effective mass that falls by a third)."""
 
 
 @known_keywords
@@ -80,15 +85,14 @@ def robot_scenario(
     Args:
         place: path of a URDF or xacro, ``jointplay:NAME``, ``example-robot-data:NAME``,
             ``robot_descriptions:NAME`` or just NAME; None takes the SCARA.
-        joints: names of those with clearance; by default the SCARA's joint B.
-        settings: keys that count more than what is taken for granted, such as
-            ``"drive.encoder=link"``.
-        ideal: none has clearance; those named still say which frame is the tool.
-        moves: whether a motion is chosen if none is given, and play is needed; not for who looks
-            at poses only.
+        joints: names of the joints with clearance; by default the SCARA's joint B.
+        settings: keys that count more than the defaults, such as ``"drive.encoder=link"``.
+        ideal: whether no joint has clearance; the named ones still decide which frame is the tool.
+        moves: whether a motion is chosen if none is given, and some play is required; False where
+            only poses are looked at.
 
     Returns:
-        The scenario; its `assumptions` are what was chosen that nobody gave.
+        The scenario; its `assumptions` are lines on what was chosen because nobody gave it.
 
     Raises:
         JointplayError: the robot cannot be read, no joint was named, or see `Scenario`.
@@ -102,7 +106,7 @@ def robot_scenario(
     joints = require_names("joints", joints, "names")
     scara = place is None
     place = robot_place(place)
-    # The robot alone: what is wrong elsewhere is said when the scenario is built.
+    # The robot alone is read here; errors in other settings come up when the scenario is built.
     description = description_of(place, asked)
     path = description.path
     asked_tables = tree(asked)
@@ -115,9 +119,11 @@ def robot_scenario(
     description.require_moving()
     gears = tables.get("gears", {})
     geared = [name for name, entry in gears.items() if entry.get("play", True)]
+    # Gears of the file without play do not decide which frame is the tool.
     if beyond and len(geared) < len(gears) and "tool" not in tables.get("robot", {}):
         tool, why = choose_tool(description, {*joints, *tables.get("joints", {}), *geared})
         asked.append(Setting(("robot", "tool"), tool, why, ASSUMED))
+    # Something must err in a motion, or there would be nothing to see.
     servos = [entry for entry in tables.get("drives", {}).values() if entry.get("kind") != "free"]
     errs = joints or ideal or gears or servos or {"joints", "drive", "drives"} & asked_tables.keys()
     if moves and not errs:
@@ -128,6 +134,7 @@ def robot_scenario(
         if name not in description.joints and name not in tables.get("loops", {}):
             wrong = one_of("joint", name, [*description.moving, *tables.get("loops", {})])
             raise JointplayError(f"--joint: {wrong}")
+    # The scenario's text has the robot; joints, motion and steps are settings.
     assumptions = []
     chosen: list[Setting] = []
     name = place.rpartition(":")[2] if ":" in place else path.name
@@ -163,14 +170,14 @@ def robot_scenario(
 
 
 def kind_of_joint(name: str, description: Description, table: Mapping[str, Any]) -> str:
-    """Word for the kind of a joint: that of its `table`, or what can replace that of the URDF."""
+    """Word for the kind of a joint: that in its `table`, or one that can replace the URDF's."""
     entry = description.joints.get(name)
     kinds = [] if entry is None else replacing(entry.kind)
     return str(table.get("kind", kinds[0] if kinds else UNNAMED_KIND.kind))
 
 
 def class_of_joint(word: str) -> type[Clearance]:
-    """Class of the joints of a kind; of a word that is none, that which the scenario refuses."""
+    """Class of joints by the word for their kind; any for a word that the scenario will refuse."""
     choice = JOINT_WORDS.get(word, UNNAMED_KIND)
     return choice.kind if isinstance(choice, Preset) else choice
 
@@ -178,7 +185,7 @@ def class_of_joint(word: str) -> type[Clearance]:
 def assumed_joint(
     name: str, description: Description, known: Mapping[str, Any], ideal: bool = False
 ) -> Setting:
-    """A joint that has clearance because it was named: its kind, and a size where none is given."""
+    """Setting that gives a named joint clearance: its kind, and a size where none is `known`."""
     word = kind_of_joint(name, description, known)
     kind = class_of_joint(word)
     table: dict[str, Any] = {"kind": word} | ({"ideal": True} if ideal else {})
@@ -190,7 +197,7 @@ def assumed_joint(
 
 
 def _steps(scenario: Scenario) -> tuple[list[Setting], str]:
-    """Keys that choose the steps of a robot of which none are given, and why, in words."""
+    """Settings that choose a robot's steps, if none are given, and a line on why."""
     data = scenario.data(scenario.cases[0])
     integration = data.get("integration", {})
     if {"step", "tolerance"}.intersection(integration):
@@ -202,18 +209,18 @@ def _steps(scenario: Scenario) -> tuple[list[Setting], str]:
         return [], ""
     step, reason = choice
     keys = [Setting(("integration", "step"), step, "step chosen")]
-    if "record_every" not in data.get("output", {}):  # records as far apart as usual
+    if "record_every" not in data.get("output", {}):  # records at the usual interval
         interval = round(RecordSettings.record_every * Integration.step / step)
         keys.append(Setting(("output", "record_every"), interval, "step chosen"))
     return keys, f"step: {step:g} s (chosen: {reason}; --step selects another)"
 
 
 def step_for(scenario: Scenario) -> tuple[float, str] | None:
-    """A step for a robot of which none is given, should the usual one be too long for its impacts.
+    """A step that resolves a robot's impacts, if the usual one is too long for them.
 
     Returns:
         The step [s], 1, 2 or 5 times a power of ten, and the reason in words; None if the usual
-        one will do.
+        one is short enough.
 
     Raises:
         JointplayError: links that joints move have no mass, or so little that no step would do.
@@ -250,7 +257,7 @@ def step_for(scenario: Scenario) -> tuple[float, str] | None:
 
 
 def robot_place(place: str | None) -> str:
-    """A robot as `robot_scenario` takes it, in the words of a scenario."""
+    """A robot as `robot_scenario` takes it, as a scenario's ``robot.urdf``."""
     if place is None:
         return SCARA
     named = ":" in place or "/" in place or place.lower().endswith(SUFFIXES)
@@ -258,7 +265,7 @@ def robot_place(place: str | None) -> str:
 
 
 def _led_by(description: Description, name: str) -> tuple[str, float, float]:
-    """The joint that another follows in the end, which follows none, and factor and offset."""
+    """The joint at the head of a chain of mimicking joints, and factor and offset against it."""
     factor, offset = 1.0, 0.0
     while (mimic := description.joints[name].mimic) is not None:
         offset += factor * mimic.offset
@@ -268,10 +275,10 @@ def _led_by(description: Description, name: str) -> tuple[str, float, float]:
 
 
 def _there_and_back(description: Description, free: Collection[str]) -> tuple[dict[str, Any], str]:
-    """A motion for who gave none: every joint a little way there and back, within its limits.
+    """The default motion, and a line on it: every joint a little way there and back.
 
-    Those are its own, of position and speed, and those of the joints that mimic it and follow.
-    Those in `free` are not moved.
+    It keeps within the limits of position and speed of each joint, and of those that mimic it.
+    Joints in `free` are not moved.
     """
     from jointplay.model.design import parse
 
@@ -282,20 +289,20 @@ def _there_and_back(description: Description, free: Collection[str]) -> tuple[di
     positions = {}
     for name in list(parse(description).names)[1:]:
         entry = description.joints[name]
-        if entry.mimic or name in free:  # it follows others, or what acts on it
+        if entry.mimic or name in free:
             continue
         low, high = entry.lower, entry.upper
         low, high = (-np.inf if low is None else low), (np.inf if high is None else high)
         fastest = entry.speed or np.inf
         for follower in followers.get(name, ()):
             _, factor, offset = _led_by(description, follower)
-            its = description.joints[follower]
-            if factor and its.lower is not None and its.upper is not None:
-                ends = sorted(((its.lower - offset) / factor, (its.upper - offset) / factor))
-                if max(low, ends[0]) <= min(high, ends[1]):  # else no position is allowed
+            limits = description.joints[follower]
+            if factor and limits.lower is not None and limits.upper is not None:
+                ends = sorted(((limits.lower - offset) / factor, (limits.upper - offset) / factor))
+                if max(low, ends[0]) <= min(high, ends[1]):  # limits that contradict do not count
                     low, high = max(low, ends[0]), min(high, ends[1])
-            if factor and its.speed:
-                fastest = min(fastest, its.speed / abs(factor))
+            if factor and limits.speed:
+                fastest = min(fastest, limits.speed / abs(factor))
         inside = ROOM * (high - low) if np.isfinite(high - low) else 0.0
         begin = float(np.clip(between(low, high), low + inside, high - inside))
         room = max(high - begin, begin - low)

@@ -1,4 +1,4 @@
-"""JSON schema of scenario files: completion, explanations and checks in editors."""
+"""JSON schema of scenario files, for completion, explanations and checks in editors."""
 
 from __future__ import annotations
 
@@ -21,16 +21,17 @@ from jointplay.base.schema import (
 from jointplay.scenario.declarations import NOT_IN_A_CASE, Model
 
 CASE = "Case"
+"""Name of the schema's definition of a case."""
 MOST_CHOICES = 9
-"""Words that the help of a key lists (judged: those that fit two lines)."""
+"""Number of words from which the help of a key lists only some (judged: fewer fit two lines)."""
 _TYPES = {bool: "boolean", int: "integer", str: "string"}
 
 
 def schema() -> dict[str, Any]:
-    """Keys, words and units of a scenario file, cases included.
+    """JSON schema of a scenario file: its keys, words and units, with those of cases.
 
-    What is missing it does not say: any case can give what the file's own tables leave out, and
-    only both together must be complete. `jointplay check` tells.
+    It requires no key: any case can give what the file's own tables leave out, and only both
+    together must be complete. `jointplay check` tells what is missing.
     """
     tables = SchemaTables()
     known = tables.properties(Model)
@@ -62,10 +63,10 @@ def schema() -> dict[str, Any]:
 
 
 def explain(keys: Sequence[Sequence[str]]) -> tuple[str, str, str]:
-    """What is said of keys that are given together, with choices, units and defaults.
+    """Help text of keys that one option sets together, with choices, units and defaults.
 
     Returns:
-        The text, the unit of a number, and what stands for a value that is none.
+        The text, the unit of a number, and the placeholder of a value that is no number.
     """
     fields = list(fields_at(Model, keys[0]))
     text = next((text for _, text in fields if text), "")
@@ -89,7 +90,7 @@ def explain(keys: Sequence[Sequence[str]]) -> tuple[str, str, str]:
 
 
 def _default_of(key: Sequence[str]) -> str:
-    """What holds for a bare robot of which a key is not given, as text; empty if nothing does."""
+    """Default of a key, as text; empty if there is none."""
     field = next((each for each, _ in fields_at(Model, key, deep=False)), None)
     if field is None:
         return ""
@@ -102,13 +103,14 @@ def _default_of(key: Sequence[str]) -> str:
 
 
 class SchemaTables:
-    """Schemas of types as `check` takes them; those of tables are put aside by name."""
+    """Schemas of types, as `base.schema.check` takes their values."""
 
     def __init__(self) -> None:
         self.definitions: dict[str, Any] = {}
+        """Schemas of tables, by name; others refer to them."""
 
     def properties(self, kind: type, preset: Mapping[str, Any] | None = None) -> dict[str, Any]:
-        """Schemas of a class's fields but for those that are `preset`, with explanations."""
+        """Schemas of a class's fields, with explanations, except fields that are `preset`."""
         texts = explanations(kind)
         return {
             name: self.field(field, texts.get(name, ""))
@@ -117,6 +119,7 @@ class SchemaTables:
         }
 
     def field(self, field: Field, text: str) -> dict[str, Any]:
+        """Schema of a field that `text` explains."""
         about = self.of(field.hint)
         if field.choices is not None:
             enum = {"enum": list(field.choices[1])}
@@ -126,6 +129,7 @@ class SchemaTables:
         return {**about, "description": text} if text else about
 
     def of(self, kind: Any) -> dict[str, Any]:
+        """Schema of a type."""
         origin, parts = get_origin(kind), get_args(kind)
         if origin in (Union, types.UnionType):
             several = [self.of(part) for part in parts if part is not type(None)]
@@ -146,6 +150,7 @@ class SchemaTables:
         return {"anyOf": [{"enum": names}, table]} if names else table
 
     def collection(self, origin: Any, parts: tuple[Any, ...]) -> dict[str, Any]:
+        """Schema of a table or list with entries of a type."""
         if issubclass(origin, Mapping):
             return {"type": "object", "additionalProperties": self.of(parts[1])}
         array: dict[str, Any] = {"type": "array", "items": self.of(parts[0])}
@@ -154,7 +159,7 @@ class SchemaTables:
         return array
 
     def family(self, family: Family) -> dict[str, Any]:
-        """Schema of what a word chooses: tables, and bare words for those that need no more."""
+        """Schema of a family: a table for each member, and the bare word where that is enough."""
         tables, bare = [], []
         for word in family.members:
             preset = family.member(word)
@@ -172,7 +177,7 @@ class SchemaTables:
         word: tuple[str, str] | None = None,
         preset: Mapping[str, Any] | None = None,
     ) -> dict[str, Any]:
-        """Reference to the schema of a class, which is put among the definitions."""
+        """Reference to the schema of a class's table, which is added to the definitions."""
         if title not in self.definitions:
             chosen = {word[0]: {"const": word[1]}} if word else {}
             self.definitions[title] = {

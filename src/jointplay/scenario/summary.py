@@ -1,4 +1,4 @@
-"""How a scenario was understood, in a few lines."""
+"""Summary of a scenario as it was understood: the inputs of its runs, with units."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from jointplay.simulation.run import Run
 
 
 def summary(scenario: Scenario, runs: Mapping[str, Run]) -> str:
-    """What all cases have in common, then what is each case's own."""
+    """Text of a scenario's inputs: what all cases have in common, then each case's own."""
     by_case = {
         case: facts(run)
         | _known_errors(errors_of(scenario.model(case), run.mechanism), run.mechanism)
@@ -47,7 +47,7 @@ def summary(scenario: Scenario, runs: Mapping[str, Run]) -> str:
 
 
 def _known_errors(errors: RobotErrors | None, mechanism: Mechanism) -> dict[str, str]:
-    """What is known of causes besides play, which `jointplay budget --whole` counts."""
+    """Errors besides play, which `jointplay budget --whole` counts, as facts."""
     if errors is None:
         return {}
     by_joint = {
@@ -58,7 +58,7 @@ def _known_errors(errors: RobotErrors | None, mechanism: Mechanism) -> dict[str,
 
 
 def facts(run: Run) -> dict[str, str]:
-    """The inputs of a run by what they belong to, with their units; what is not set is left out."""
+    """The inputs of a run with their units, by label; inputs that are not set are left out."""
     simulation, mechanism = run.simulation, run.mechanism
     facts = {"robot": f"{mechanism.description.path}, tool {mechanism.tool}"}
     known = mechanism.facts()[1]
@@ -70,7 +70,7 @@ def facts(run: Run) -> dict[str, str]:
             f"{mechanism.loop_class(name).kind}, {loop.bearing_link} - {loop.journal_link}"
         )
     facts |= {f"link {name}": details for name, details in mechanism.flexible.items()}
-    hinges = {name for its in mechanism.hinges.values() for name in its}
+    hinges = {name for names in mechanism.hinges.values() for name in names}
     step = simulation.step
     for name, joint in mechanism.clearance.items():
         if name in hinges:
@@ -130,11 +130,12 @@ def facts(run: Run) -> dict[str, str]:
 
 
 def _place(coordinate: float) -> float:
-    """A coordinate less what is rounding: below 1e-9 rad or m it is 0."""
+    """A coordinate rounded to 1e-9 rad or m, without -0."""
     return round(float(coordinate), 9) + 0.0
 
 
 def _load_fields(load: Load, mechanism: Mechanism) -> str:
+    """Fields of a load with units, without those that are not set or zero."""
     parts = []
     entry = mechanism.description.joints.get(getattr(load, "joint", ""))
     slides = entry is not None and entry.slides
@@ -154,7 +155,7 @@ def _or_none(name: str, value: float | None, unit: str) -> str:
 
 
 def _part(value: Any, unit: str) -> str:
-    """An entry of a list: a number with its unit, a word, a list, or a value with fields."""
+    """Text of an entry of a list: a number with its unit, a word, a list, or a value's fields."""
     if isinstance(value, tuple | list):
         return f"({', '.join(_part(inner, unit) for inner in value)})"
     if isinstance(value, str):
@@ -163,7 +164,7 @@ def _part(value: Any, unit: str) -> str:
 
 
 def _fields(described: Any, joint: Any = None, zeros: bool = True) -> str:
-    """Fields of a value, with units; those not set left out, and without `zeros` those of zero."""
+    """Fields of a value with units, without those that are not set, and zeros unless `zeros`."""
     parts = []
     kind: Any = type(described)
     # A user's function has a name and numbers only as files describe it.

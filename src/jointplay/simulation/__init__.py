@@ -1,9 +1,9 @@
-"""One run: what moves and loads a mechanism, the loop through time, its result.
+"""Simulation of one run: the motion and loads of a mechanism, the time loop, and the result.
 
-`motion` and `loads` say what acts, `Simulation` holds all inputs of a run and `Run` steps through
-it (eqs 22, 23); `result` is what it leaves behind, with its audit, and `analysis` reads it: tool
-error, forces, spectra, and the numerical error of each figure. Nothing here knows of scenario
-files, of plans of many runs or of pictures.
+`motion` and `loads` are what acts, `Simulation` holds all inputs of a run, and `Run` steps through
+it (eqs 22, 23). `result` has its histories and its audit; `analysis` makes figures of them: tool
+error, forces, spectra, and the numerical error of each. Nothing here knows of scenario files, of
+plans of many runs or of pictures.
 """
 
 import lazy_loader

@@ -1,4 +1,9 @@
-"""From the loads of a simulation to what the kernels know; what is sampled between steps."""
+"""Loads during a run: how the kernels have them, and what is updated between steps.
+
+The kernels evaluate the laws of loads themselves. Three things are updated from the state between
+steps: payloads that are picked up and released (`Events`), controllers that sample and hold, and
+friction that grows with the force that a joint transmits (both by `LoadSchedule`).
+"""
 
 from __future__ import annotations
 
@@ -28,13 +33,14 @@ if TYPE_CHECKING:
     from jointplay.simulation.run import Run
 
 LARGEST_STEP_TURN = 1.0
-"""Step times natural frequency of springs above which it is refused: 6 steps a period [rad]."""
+"""Step times natural frequency of springs above which the step is refused: 6 steps a period [rad].
+"""
 FINE_STEP_TURN = 0.2
-"""The same that is advised: the period is then right to 0.2 % [rad]."""
+"""Step times natural frequency that is advised: the period is then right to 0.2 % [rad]."""
 
 
 def check(loads: Mapping[str, Load]) -> None:
-    """Refuse what is no load."""
+    """Refuse loads that are none, or have no proper names."""
     if not isinstance(loads, Mapping):
         raise JointplayError(f"loads must be given by name, as {{'spring': ...}}, got {loads!r}")
     for name, load in loads.items():
@@ -47,9 +53,9 @@ def check(loads: Mapping[str, Load]) -> None:
 
 
 def load_site(load: Load, mechanism: Mechanism, bounds: Mapping[str, float]) -> LoadSite:
-    """What the kernels must know of a load.
+    """A load as the kernels have it.
 
-    `bounds`: largest efforts of actuators by joint, to which they are cut [N m or N].
+    `bounds`: efforts at which actuators saturate, by joint [N m or N].
     """
     site = load.site(mechanism)
     law, numbers = int(compiled_law(load).address), load.numbers(mechanism)
@@ -65,9 +71,11 @@ def load_site(load: Load, mechanism: Mechanism, bounds: Mapping[str, float]) -> 
 def highest_frequency(
     loads: Mapping[str, Load], mechanism: Mechanism, q: np.ndarray
 ) -> tuple[float, str]:
-    """Frequency of the fastest swing on the loads' springs together [rad/s], 0 without springs;
-    and the name of the stiffest.
+    """Highest natural frequency on the loads' springs together [rad/s], 0 without springs; and the
+    name of the load that is stiffest for its mass.
     """
+    # The squared frequencies are the eigenvalues of S M^-1 S^T, a row of S for each spring: the
+    # root of its stiffness times its direction.
     model, data, inverse = mechanism.model, mechanism.data, mechanism.inverse_mass_matrix(q)
     rows, names = [], []
     for name, load in loads.items():
@@ -93,7 +101,7 @@ def check_step(loads: Mapping[str, Load], mechanism: Mechanism, step: float, q: 
 
 
 def _direction(site: Site, model: pin.Model, data: pin.Data, q: np.ndarray) -> np.ndarray:
-    """Rate at which a spring's length or angle changes per generalised velocity, shape (nv,)."""
+    """Jacobian of a spring's length or angle, shape (nv,)."""
     if site.frames is None:
         row = np.zeros(model.nv)
         row[list(site.outputs)] = site.levers or 1.0
@@ -117,10 +125,10 @@ def _steps_in(period: float, step: float, whose: str) -> int:
 
 
 class Events:
-    """Picks and releases of a run in the order of the steps at which they happen.
+    """Payloads picked up and released in a run, in the order of the steps at which that happens.
 
     Attributes:
-        phases: the stretches so far in which the bodies keep their inertias.
+        phases: stretches so far in which the bodies keep their inertias.
 
     Raises:
         MissingName: a payload at a frame that does not exist.
@@ -147,10 +155,10 @@ class Events:
         return self._planned[-1][0] if self._planned else None
 
     def apply_due_events(self, w: Workspace) -> None:
-        """Pick and release what is due.
+        """Pick up and release what is due.
 
-        A body that is picked moves on with the mechanism as the momentum of both demands; what the
-        energies of the bodies rise by then has been brought in.
+        The mechanism moves on with a body that it picks up as the momentum of both demands
+        (`velocity_after_pick`). The rise of the bodies' energy counts as brought in by the payload.
         """
         while self._planned and self._planned[-1][0] <= w.steps:
             _, payload, picked = self._planned.pop()
@@ -164,7 +172,7 @@ class Events:
                     w.v[:] = velocity_after_pick(driven, self._model, w.q, speed, rows)
                 before, now = last.model.copy(), bodies.copy()
                 base = self._mechanism.base_joint
-                for model in (before, now):  # the chart of a free base is that of the run
+                for model in (before, now):  # the free base turns from the chart of the run
                     model.jointPlacements[base] = self._model.jointPlacements[base]
                 brought += _energy(now, w.q, w.v) - _energy(before, w.q, speed)
             row = -(-w.steps // self._record_every)
@@ -180,7 +188,7 @@ class Events:
             self.phases.append(Phase(int(row), bodies, float(energy)))
 
     def _change(self, payload: Payload, picked: bool) -> pin.Model:
-        """Change the inertias of the run's model; returns the bodies that then are."""
+        """Change the inertias of the run's model; returns the model of the bodies alone."""
         bodies = self.phases[-1].model.copy()  # without the armature of prescribed motion
         frame = bodies.frames[frame_index(bodies, payload.frame)]
         body = frame.placement.act(payload.body)
@@ -197,12 +205,16 @@ def _energy(model: pin.Model, q: np.ndarray, v: np.ndarray) -> float:
 
 
 REACTION_S = 2e-4
-"""Interval over which a force that a joint transmits, and its friction follows, is a mean [s]: that
-of the longest macro steps, between which Pinocchio knows no forces."""
+"""Interval over which the force that a joint transmits is averaged, for its friction [s]: that of
+the longest macro steps, between which Pinocchio knows no forces."""
 
 
 class ReactionLoads:
-    """The loads of a run that follow the force that their joint transmits."""
+    """Friction of joints that follows the force which they transmit, updated between steps.
+
+    Forces follow by inverse dynamics from the mean motion over the last interval; friction goes on
+    from its value in the middle of that along a line through the value before.
+    """
 
     def __init__(self, run: Run, sites: Sequence[LoadSite]) -> None:
         self._workspace, self._model, mechanism = run.workspace, run.model, run.mechanism
@@ -212,13 +224,15 @@ class ReactionLoads:
             for _, (load, site) in numbered
             if isinstance(load, LoadedFriction)
         ]
-        self._pushers = [
+        """Load, numbers of its law, Pinocchio joint, axis, and whether the joint slides."""
+        self._between_frames = [
             (index, load.site(mechanism))
             for index, (load, site) in numbered
             if site.carriers is not None
         ]
         self._data: pin.Data | None = None
         self._before: tuple[float, np.ndarray, np.ndarray] | None = None
+        """Time [s], q and v of the last update."""
 
     def memory(self) -> list[Any] | None:
         if self._before is None:
@@ -232,7 +246,7 @@ class ReactionLoads:
             self._before = float(time), np.array(q, float), np.array(v, float)
 
     def begin(self, v: np.ndarray, acceleration: np.ndarray) -> None:
-        """Take the forces of the first instant, which no friction has changed yet."""
+        """Set friction by the forces of the first instant, which no friction has changed yet."""
         w = self._workspace
         levels = self._friction(w.q, v, acceleration)
         for (_, numbers, *_place), level in zip(self.members, levels, strict=True):
@@ -240,7 +254,7 @@ class ReactionLoads:
         self._before = (w.time, w.q.copy(), v.copy())
 
     def update(self, v: np.ndarray) -> None:
-        """Take the mean forces since the last time, and draw them on along a line."""
+        """Set friction by the mean forces since the last update, extrapolated along a line."""
         w = self._workspace
         assert self._before is not None
         time, q, speed = self._before
@@ -260,21 +274,20 @@ class ReactionLoads:
         """Friction of each member [N m or N] by the forces that joints transmit in this motion."""
         model = self._model
         data = self._data = self._data or model.createData()
-        forces = (
-            pin.StdVec_Force()
-        )  # of loads between frames, on the bodies in their joints' frames
+        # Wrenches of loads between frames, on the bodies, each in its joint's frame.
+        forces = pin.StdVec_Force()
         forces.extend([pin.Force.Zero()] * model.njoints)
-        if self._pushers:
+        if self._between_frames:
             pin.forwardKinematics(model, data, q)
-        for index, site in self._pushers:
+        for index, site in self._between_frames:
             assert site.frames is not None
             (i, first), (j, second) = site.frames
             wrench = self._workspace.loads["wrench"][index]
             turn = (data.oMi[i] * first).rotation
             at = (data.oMi[j] * second).translation
-            acting = pin.SE3(np.eye(3), at).act(pin.Force(turn @ wrench[:3], turn @ wrench[3:]))
-            forces[j] = forces[j] + data.oMi[j].actInv(acting)
-            forces[i] = forces[i] - data.oMi[i].actInv(acting)
+            on_second = pin.SE3(np.eye(3), at).act(pin.Force(turn @ wrench[:3], turn @ wrench[3:]))
+            forces[j] = forces[j] + data.oMi[j].actInv(on_second)
+            forces[i] = forces[i] - data.oMi[i].actInv(on_second)
         pin.rnea(model, data, q, v, a, forces)
         return [
             load.friction(data.f[joint].linear, axis, slides)
@@ -283,7 +296,7 @@ class ReactionLoads:
 
 
 def _axis(mechanism: Mechanism, name: str) -> tuple[int, np.ndarray, bool]:
-    """Pinocchio joint, its axis in its own frame, and whether it slides."""
+    """Index of a Pinocchio joint, its axis in its own frame, and whether it slides."""
     model = mechanism.model
     index = int(model.getJointId(name))
     slides = mechanism.description.joints[name].slides
@@ -296,7 +309,7 @@ def _axis(mechanism: Mechanism, name: str) -> tuple[int, np.ndarray, bool]:
 
 
 class LoadSchedule:
-    """The loads of a run that are updated from its state, and when.
+    """When loads are updated from the state of a run: sampled controllers, loaded friction.
 
     Raises:
         JointplayError: a period of a controller or servo that is no multiple of the step.
@@ -311,23 +324,26 @@ class LoadSchedule:
             if isinstance(load, Controller) and load.period is not None
         ]
         self._last_step = -1
-        """Step at which they were asked last."""
-        periods = map(float, self._workspace.servos["period"])  # servos sample in compiled code
-        servos = [_steps_in(period, step, "a servo") for period in periods if period > 0.0]
+        """Step at which controllers sampled last."""
         reactions = [max(round(REACTION_S / step), 1)] if self._reactions.members else []
         self._looks = [*(interval for _, _, interval, _ in self._controllers), *reactions]
+        """Intervals at which something is updated here [steps]."""
+        # Servos sample in compiled code, at the ends of stretches.
+        periods = map(float, self._workspace.servos["period"])
+        servos = [_steps_in(period, step, "a servo") for period in periods if period > 0.0]
         self._stops = [*self._looks, *servos]
+        """Intervals at which a stretch must end [steps]."""
         self._reactions_every = reactions[0] if reactions else None
 
     def steps_until_next(self, step: int) -> int | None:
-        """Steps from `step` until one of them looks again; None if none ever does."""
+        """Steps from `step` until a stretch must end; None if never."""
         return min((interval - step % interval for interval in self._stops), default=None)
 
     def is_due(self, step: int) -> bool:
         return any(step % interval == 0 for interval in self._looks)
 
     def start(self, loop: TimeLoop) -> None:
-        """Let a loop begin, once more when the forces that joints transmit are known."""
+        """Let a loop begin, and once more when the forces that joints transmit are known."""
         w = self._workspace
         self._sample(w.v, jumps=False)
         loop.begin()
@@ -336,7 +352,7 @@ class LoadSchedule:
             loop.begin()
 
     def look(self, loop: TimeLoop, last: bool) -> None:
-        """Let those look at the state whose time it is; no controller samples the last one."""
+        """Update what is due by the present state; no controller samples the last one."""
         w = self._workspace
         if self._reactions_every and w.steps % self._reactions_every == 0:
             self._reactions.update(loop.velocity())
@@ -350,10 +366,11 @@ class LoadSchedule:
             self._sample(loop.velocity(), jumps=True)
 
     def _sample(self, v: np.ndarray, jumps: bool) -> None:
-        """Call those controllers that are due at the present step.
+        """Sample the controllers that are due at the present step.
 
-        Once at an instant, for what they integrate: if the loop begins again there, their torques
-        are held from it on. With `jumps` the torques before count for half of the present instant.
+        They may integrate, so that each is called once at an instant: if the loop begins again
+        there, it holds the same torques. With `jumps` the torques before count for half of the
+        present instant.
         """
         w = self._workspace
         for load, site, interval, sampler in self._controllers:
@@ -367,7 +384,7 @@ class LoadSchedule:
         self._last_step = w.steps
 
     def memory(self) -> dict[str, Any]:
-        """What a checkpoint holds; the numbers of the loads are the workspace's.
+        """State for a checkpoint; the numbers of the loads are in the workspace's.
 
         Raises:
             JointplayError: a controller that cannot say its state.

@@ -1,4 +1,8 @@
-"""The chart of a free base while a run is under way: from which rotation its angles are counted."""
+"""The chart of a free base: the rotation from which its yaw, pitch and roll are counted in a run.
+
+These angles are singular at a pitch of 90 degrees. Before the pitch comes near, the run takes
+another rotation to count from, and the angles of records are converted to the pose of the URDF.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +29,7 @@ if TYPE_CHECKING:
     from jointplay.simulation.run import Run
 
 LOOK_S = 1e-3
-"""Time between two looks at the pitch of a free base [s]."""
+"""Interval at which the pitch of a free base is looked at [s]."""
 LARGEST_PITCH = 1.0
 """Pitch beyond which a base gets another chart [rad]: it would have to turn by more than half a
 radian between two looks to come near a right angle."""
@@ -43,10 +47,10 @@ def check_start(mechanism: Mechanism, q: np.ndarray) -> None:
 
 
 class BaseChart:
-    """From which rotation the angles of a free base are counted; of a held base, nothing.
+    """The rotation from which a run counts the angles of its free base; a held base has none.
 
-    The run's own model has it as the placement of the base's turning joint; records, and all who
-    read the state, have angles counted from the pose of the URDF.
+    The run's own model has it as the placement of the base's turning joint. In records, and in the
+    state that is read, angles count from the pose of the URDF.
     """
 
     def __init__(self, run: Run) -> None:
@@ -57,18 +61,19 @@ class BaseChart:
         self._moved = False
         """Whether the chart has ever been replaced."""
         self._last: np.ndarray | None = None
-        """Angles of the last record, from the pose of the URDF."""
+        """Angles of the last record, from the pose of the URDF: those of the next go on there."""
         self._converted = 0
-        """Records whose angles are counted from the pose of the URDF."""
+        """Number of records whose angles are from the pose of the URDF."""
 
     def __bool__(self) -> bool:
         return self._joint > 0
 
     def steps_until_next(self, step: int) -> int | None:
+        """Steps from `step` until the next look at the pitch; None for a held base."""
         return self._interval - step % self._interval if self else None
 
     def replace_if_due(self, loop: TimeLoop) -> bool:
-        """Replace the chart where the pitch has gone far; the loop must then begin again."""
+        """Replace the chart if the pitch is large; returns whether the loop must begin again."""
         w = self._workspace
         if not self or w.steps % self._interval or abs(w.q[ANGLES][1]) < LARGEST_PITCH:
             return False
@@ -83,13 +88,13 @@ class BaseChart:
         return True
 
     def _set(self, chart: np.ndarray) -> None:
-        """Let the model, and the kernels if they know the base, count from `chart`."""
+        """Let the model, and the kernels if they have the base's body, count from `chart`."""
         self._chart, self._moved = chart, True
         self._model.jointPlacements[self._joint] = pin.SE3(chart, np.zeros(3))
         self._workspace.turn_body(ANGLES.start, chart)
 
     def convert_records(self) -> None:
-        """Let all records so far count angles from the pose of the URDF."""
+        """Convert the angles and speeds of all records so far to the pose of the URDF."""
         if not self:
             return
         w = self._workspace
@@ -106,7 +111,7 @@ class BaseChart:
         self._converted = w.rows
 
     def state(self, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """A state of the run, its angles counted from the pose of the URDF."""
+        """A copy of a state of the run, its angles from the pose of the URDF."""
         q, v = q.copy(), v.copy()
         if self._moved:
             self.convert_records()

@@ -1,7 +1,7 @@
-"""A run on disk, to be continued bit for bit in another process.
+"""Checkpoints: a run on disk, to be continued bit for bit in another process.
 
-The file holds numbers and the simulation as plain data: no code. It is read by the version that
-wrote it, for another may step otherwise.
+The file holds numbers and the simulation as plain data: no code. Only the version that wrote it
+reads it, for another may step otherwise.
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from jointplay.simulation.simulation import Simulation
 
 _STATISTICS = "unjudged."
+"""Prefix of the arrays of `Judging.unjudged`."""
 
 
 def save(run: Run, path: Path) -> Path:
@@ -55,15 +56,15 @@ def save(run: Run, path: Path) -> Path:
 
 
 def resume(path: Path, build: Callable[[dict[str, Any], Path | None], Run]) -> Run:
-    """A run as it was left, see `Simulation.resume`.
+    """Make a run as it was left; see `Simulation.resume`.
 
-    `build`: from the description of a simulation, and where its records are if that is on disk, to
-    a run of it.
+    `build`: makes the run of a simulation that is described, with the path of its records if these
+    are on disk.
     """
     arrays, head = read(path)
     with _naming_checkpoint(path):
-        # It names a file beside it, which must hold records of this very run: nothing else is read,
-        # written or deleted because a checkpoint says so.
+        # A checkpoint names a file beside it, which must hold records of this very run: nothing
+        # else is read, written or deleted because a checkpoint says so.
         records = None if head["records"] is None else path.with_name(head["records"]["file"])
         run = build(head["simulation"], records)
         _restore(run, arrays, head)
@@ -71,7 +72,7 @@ def resume(path: Path, build: Callable[[dict[str, Any], Path | None], Run]) -> R
 
 
 def check_replaceable(path: Path) -> None:
-    """Refuse a result that a continued run would replace, but for its own so far."""
+    """Refuse to continue a run that would replace another result than its own interrupted one."""
     from jointplay.physics.kernel import Status
     from jointplay.simulation.result.result import Result
 
@@ -88,11 +89,11 @@ def check_replaceable(path: Path) -> None:
 
 
 def continue_run(run: Run, path: Path) -> None:
-    """Bring a run that was made ready to where a checkpoint of the same run stands.
+    """Bring a prepared run to the state of a checkpoint of the same run.
 
     Raises:
-        JointplayError: the checkpoint is damaged, of another version, or of another simulation,
-            which is said.
+        JointplayError: the checkpoint is damaged, of another version, or of another simulation; the
+            message says which.
     """
     arrays, head = read(path)
     require_same(path, head["simulation"], run.simulation)
@@ -101,10 +102,10 @@ def continue_run(run: Run, path: Path) -> None:
 
 
 def require_same(path: Path, was: Any, simulation: Simulation) -> None:
-    """Refuse a file of another simulation, `was`, as its file describes it; the error says which.
+    """Refuse a file whose simulation, described as `was`, is another.
 
     Raises:
-        JointplayError: the two differ.
+        JointplayError: the two differ; the message has the first input that does.
     """
     now = json.loads(json.dumps(simulation.describe()))
     for place, before, after in differences(was, now):
@@ -140,7 +141,7 @@ def _naming_checkpoint(path: Path) -> Iterator[None]:
 
 
 def read(path: Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
-    """Arrays of a checkpoint, and what else it says; refused if another version wrote it."""
+    """Arrays of a checkpoint, and its plain data; refused if another version wrote it."""
     files.require_file(path, "checkpoint")
     try:
         with path.open("rb") as file:

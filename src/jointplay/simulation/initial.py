@@ -1,4 +1,9 @@
-"""The state in which a run begins: what is given, where the machine stands, what is perturbed."""
+"""The state in which a run begins: given positions and speeds, perturbation, start at rest.
+
+`initial_state` takes what the motion and the user give, closes the loops and centres journals;
+`InitialState.perturb` displaces them at random, `InitialState.move` finds velocities that fit, and
+`find_rest` the static equilibrium (`statics`) from there.
+"""
 
 from __future__ import annotations
 
@@ -32,16 +37,14 @@ Nobody knows where in its bearing a journal rests when the motion begins. Much s
 displacements are often forgotten: a journal wedged by the first stroke starts afresh.
 """
 _NOTICEABLE = 0.1
-"""Part of the speed of pins at which a journal that nobody set flying is told of: judged; start
-speeds of two digits leave up to 0.05."""
+"""Speed of a journal in its bearing, relative to how pins move, above which a start is warned of:
+judged; start speeds of two digits leave up to 0.05."""
 _AHEAD_S = 1e-6
-"""Time over which accelerations of loops are taken from speeds [s]."""
-State = Mapping[str, Any]
-"""By name of a joint or coordinate: position, or a pair of position and speed, None if free."""
+"""Time over which speeds are differentiated to the accelerations of loops [s]."""
 
 
 def position_and_speed(name: str, value: Any) -> tuple[float | None, float | None]:
-    """Position and speed that were given for a coordinate, checked."""
+    """Position and speed given for a coordinate, checked; None where one is left open."""
     pair = list(value) if isinstance(value, list | tuple) else [value, None]
     if len(pair) != 2:
         raise JointplayError(
@@ -57,13 +60,15 @@ def position_and_speed(name: str, value: Any) -> tuple[float | None, float | Non
 
 @dataclass
 class InitialState:
-    """The initial state, and what of it was given.
+    """The initial state, and which of its coordinates were given.
 
     Attributes:
-        q, v: shapes (nq,) and (nv,).
-        placed: coordinates of journals whose places were given.
+        motion_speed: velocities as given, 0 elsewhere, (nv,).
+        q, v: positions and velocities, shapes (nq,) and (nv,).
+        placed: coordinates of journals whose positions were given.
+        held: all coordinates whose positions were given, but for those of the motion.
         led: coordinates that follow the motion.
-        moving: coordinates whose speeds are given.
+        moving: coordinates whose speeds were given, by the motion too.
     """
 
     mechanism: Mechanism
@@ -75,13 +80,14 @@ class InitialState:
     led: list[int]
     moving: list[int]
 
-    def perturb(self, seed: int, at_rest: bool, behind: Container[str] = ()) -> None:
+    def perturb(self, seed: int, at_rest: bool, behind: Container[str]) -> None:
         """Displace each journal by a random vector of up to `PERTURBATION` times its clearances.
 
-        From the centre; a journal at rest moves so far from where it lies towards such a place, and
-        straightens as much: between two places where it fits it fits as well, leaning included.
-        Teeth of gears stand anywhere in their play, where friction may have left them: the joint is
-        moved, or the motor where loops or an encoder `behind` the gear say where the joint is.
+        The vector is from the centre. A journal `at_rest` goes the part `PERTURBATION` of the way
+        from where it lies to there, and straightens by that part: between two places where it fits
+        it fits as well, leaning included. Teeth of gears stand anywhere in their play, where
+        friction may have left them: the joint is moved, or the motor where loops or an encoder
+        `behind` the gear determine the joint.
         """
         mechanism = self.mechanism
         random = np.random.default_rng(seed)
@@ -89,19 +95,18 @@ class InitialState:
         pin.forwardKinematics(mechanism.model, mechanism.data, self.q)  # for `journal_pose`
         for name, joint in mechanism.clearance.items():
             push = PERTURBATION * random.uniform(-1.0, 1.0, 3)
-            rooms = np.array([joint.start_travels.get(part, 0.0) for part in VIRTUAL_LINK[:3]])
-            if name in mechanism.loops:
+            travels = np.array([joint.start_travels.get(part, 0.0) for part in VIRTUAL_LINK[:3]])
+            if name in mechanism.loops:  # no coordinates of its own: an offset of the loop
                 lies = mechanism.journal_pose(name).translation.copy() if at_rest else np.zeros(3)
                 free = mechanism.relative_jacobian(name, self.q)[:3].any(axis=1)
-                away = PERTURBATION * (push * rooms - lies) if at_rest else push * rooms
+                away = PERTURBATION * (push * travels - lies) if at_rest else push * travels
                 offsets[name] = (lies + away) * free
                 continue
-            for part, target in zip(VIRTUAL_LINK[:3], push * rooms, strict=True):
+            for part, target in zip(VIRTUAL_LINK[:3], push * travels, strict=True):
                 if part in joint.freedoms:
                     i = mechanism.coordinates.index(Coordinate(name, part))
                     shift = target - self.q[i] if at_rest and i not in self.placed else target
-                    limits = joint.start_travels.get(part, 0.0) > 0.0
-                    if limits:
+                    if joint.start_travels.get(part, 0.0) > 0.0:
                         self.q[i] += PERTURBATION * shift if at_rest else shift
             if at_rest:
                 for part in set(statics.limited_freedoms(joint)).intersection(VIRTUAL_LINK[3:]):
@@ -117,13 +122,16 @@ class InitialState:
                 self.q[turned] += aside if turned == link else -aside
 
     def move(self) -> None:
+        """Find velocities with which loops stay closed, the given ones kept."""
         self.v = loop.consistent_velocity(
             self.mechanism, self.q, self.motion_speed, self.moving, self.led
         )
 
     def check_journals(self) -> None:
-        """Refuse journals outside their bearings, and warn of those that nobody sets flying and
-        that fly noticeably, beside how pins move.
+        """Refuse journals outside their bearings, and warn of those that loops set flying in them.
+
+        A journal flies where speeds given for several joints do not fit together: it moves across
+        its bearing at a speed that counts beside those at which pins turn, slide and are carried.
         """
         mechanism = self.mechanism
         left = left_bearing(mechanism, self.q)
@@ -133,6 +141,7 @@ class InitialState:
                 "nearer to its middle, or make bearing or journal longer",
                 where=("joints", left),
             )
+        # `fastest`: speeds of pins as they turn in their bearings, are carried, and slide along.
         flying, fastest = {}, loop.NO_SPEED * float(np.abs(self.v).max(initial=0.0))
         for name, joint in mechanism.clearance.items() if mechanism.loops else ():
             bearing = mechanism.frames(name)[0]
@@ -158,7 +167,7 @@ class InitialState:
                 )
 
     def acceleration(self, along: np.ndarray) -> np.ndarray:
-        """Acceleration with which loops stay closed, journals at rest; (nv,).
+        """Acceleration with which loops stay closed, journals at rest in their bearings, (nv,).
 
         `along`: acceleration of the reference, zero where there is none, (nv,).
         """
@@ -172,7 +181,7 @@ class InitialState:
 
 
 def left_bearing(mechanism: Mechanism, q: np.ndarray) -> str | None:
-    """A joint whose journal is outside its open-ended bearing, if there is one."""
+    """The first joint whose journal is outside its open-ended bearing; None if all are inside."""
     ends = {n: joint.engaged_within for n, joint in mechanism.clearance.items()}
     ends = {name: end for name, end in ends.items() if math.isfinite(end)}
     if not ends:
@@ -183,7 +192,7 @@ def left_bearing(mechanism: Mechanism, q: np.ndarray) -> str | None:
 
 
 def named(mechanism: Mechanism, name: str) -> list[int]:
-    """Coordinates that a name means: a joint's own and its motor's, or a single one."""
+    """Coordinates that a name stands for: a joint's own and its motor's, or a single one."""
     if name in mechanism.joints:
         return [mechanism.coordinate(name), mechanism.motor(name)]
     if name in mechanism.coordinates:
@@ -193,10 +202,11 @@ def named(mechanism: Mechanism, name: str) -> list[int]:
 
 
 def initial_state(simulation: Simulation, followed: Sequence[str]) -> InitialState:
-    """Loops closed, journals centred or where they were given, and speeds that fit.
+    """The state with loops closed, and journals centred or where they were given.
 
     Raises:
-        JointplayError: a state of what does not exist, follows the motion, or does not fit.
+        JointplayError: a position or speed of what does not exist or follows the motion, or that
+            does not fit.
     """
     mechanism = simulation.mechanism
     q, v = np.zeros(mechanism.model.nq), np.zeros(mechanism.model.nv)
@@ -236,15 +246,15 @@ def initial_state(simulation: Simulation, followed: Sequence[str]) -> InitialSta
 def _mesh(
     simulation: Simulation, values: np.ndarray, known: Sequence[int], positions: bool
 ) -> list[int]:
-    """Bring gears that mesh to where those whose coordinates are known have them.
+    """Bring gears that mesh to where the known ones put them; returns the coordinates brought.
 
-    Those of which neither is known go by their leader. `values` are changed: `positions` (nq,), or
-    velocities (nv,). Returns the coordinates that were brought.
+    A pair of which neither is known goes by its leader. `values` are changed: `positions` (nq,), or
+    velocities (nv,).
     """
     mechanism, brought = simulation.mechanism, list[int]()
     pairs = [load for load in simulation.loads.values() if isinstance(load, GearPair)]
     meshes = [(load.joint, load.follows(mechanism)) for load in pairs]
-    while meshes:
+    while meshes:  # a train of gears from its known end, or from its first pair
         settled = {*known, *brought}
 
         def is_known(name: str, settled: set[int] = settled) -> bool:
@@ -267,7 +277,7 @@ def _mesh(
 
 
 def settled_drives(simulation: Simulation) -> dict[str, Drive]:
-    """Drive of every moving joint, those that act through teeth with the bandwidth these allow."""
+    """The drive of every moving joint, those through teeth with the bandwidth that these allow."""
     mechanism, motion = simulation.mechanism, simulation.motion
     drives = assign(mechanism, motion, simulation.drive)
     through = [
@@ -290,7 +300,7 @@ def settled_drives(simulation: Simulation) -> dict[str, Drive]:
 
 
 def behind_gears(drives: Mapping[str, Drive]) -> set[str]:
-    """Joints whose drives look at the joint itself, behind its gear if it has one."""
+    """Joints whose encoder sits on the joint itself, behind its gear if it has one."""
     return {name for name, drive in drives.items() if getattr(drive, "encoder", None) == "link"}
 
 
@@ -301,7 +311,7 @@ def find_rest(
     loads: statics.StaticLoads,
     places: Mapping[str, np.ndarray],
 ) -> statics.Rest:
-    """Where the machine stands; see `statics`, for `places` `StaticEquilibrium.settle`."""
+    """Find the static equilibrium of a run's start; `places`: see `StaticEquilibrium.settle`."""
     simulation, workspace, bodies = run.simulation, run.workspace, run.phases[-1].model
     mechanism = start.mechanism
     along = np.zeros(bodies.nv)
@@ -314,7 +324,7 @@ def find_rest(
     fixed = list(start.placed)
     gaps = loop.misfit(mechanism, start.q) if mechanism.loops else {}
     if any(np.abs(gap).max() > loop.ASSEMBLY_TOLERANCE_M for gap in gaps.values()):
-        fixed += start.held  # which have put journals aside: there they shall be
+        fixed += start.held  # given positions that put journals aside: these shall stay there
     balance = statics.StaticEquilibrium(
         mechanism, bodies, workspace.q, workspace.v, drives, workspace.drives, workspace.servos,
         workspace.reference[0], run.friction, loads, start.acceleration(along), fixed,
@@ -323,16 +333,18 @@ def find_rest(
 
 
 HELD = 0.05
-"""Part of the largest stiffness above which contacts hold a journal in a direction: judged."""
+"""Stiffness, relative to the largest, above which contacts hold a journal in a direction: judged.
+"""
 HELD_ASIDE_M = 1e-9
-"""How far a journal is moved into contacts that hold it, at most [m]."""
+"""Largest displacement of a journal into contacts that hold it [m]."""
 
 
 def displace_journals(mechanism: Mechanism, q: np.ndarray, distance: Sequence[float]) -> None:
     """Move every journal aside by `distance` along x, y and z of its bearing [m].
 
-    Where contacts hold it, by no more than `HELD_ASIDE_M`: pressed further into them, a machine at
-    rest would ring, and that is another start rather than the same one a little aside.
+    In directions in which contacts hold it, it moves by no more than `HELD_ASIDE_M`: pressed
+    further into them, a machine at rest would ring, which is another start rather than the same one
+    a little aside.
     """
     pin.forwardKinematics(mechanism.model, mechanism.data, q)
     aside = {}

@@ -1,4 +1,8 @@
-"""When figures begin to be judged: at a given time, or once what has fallen at the start lies."""
+"""Start of judging: the time from which figures count, given or when contacts have settled.
+
+Journals that fall into their bearings at the start, and teeth through their play, bounce. Contacts
+have settled when the bounces of all that have touched are over, by the restitution of each.
+"""
 
 from __future__ import annotations
 
@@ -13,20 +17,20 @@ from jointplay.model.mechanism import Mechanism
 from jointplay.physics.kernel.workspace import Workspace
 
 LOOK_S = 1e-3
-"""Interval at which a run looks for first contacts [s]: what falls faster counts as so long."""
+"""Interval at which a run looks for first contacts [s]: a shorter fall counts as so long."""
 
 
 class Judging:
     """Finds when judging begins, and the contact statistics then.
 
     Args:
-        mechanism: what runs.
-        step: its time step [s].
-        start: when judging begins [s]; None: when the first contacts of the run have settled.
+        mechanism: the mechanism that runs.
+        step: time step [s].
+        start: time from which figures are judged [s]; None: when first contacts have settled.
 
     Attributes:
-        start: the same; 0 until contacts have settled.
-        unjudged: contact statistics then; None: it has not come to that.
+        start: that time; 0 until contacts have settled.
+        unjudged: contact statistics at that time; None before.
     """
 
     def __init__(self, mechanism: Mechanism, step: float, start: float | None) -> None:
@@ -38,21 +42,21 @@ class Judging:
         self._interval = max(round(LOOK_S / step), 1)
         self._next_look = self._interval
         self._settled: dict[str, float] = {}
-        """By joint that has touched: when its bounces are over [s]."""
+        """End of the bounces of each joint that has touched [s]."""
 
     @property
     def _first_step(self) -> int:
         return round(self.start / self._step)
 
     def next_step(self, step: int) -> float:
-        """Step after `step` at or after which the run shall look; infinite: never again."""
+        """The next step after `step` at, or soon after, which to call `look`; infinite: never."""
         begins = self._first_step if step < self._first_step else math.inf
         return min(begins, self._next_look if self._waits else math.inf)
 
     def begin(self, workspace: Workspace) -> None:
-        """Look at the state in which the run begins: what touches there, as at rest, strikes none.
+        """Look at the state in which the run begins: contacts that touch there are no impacts.
 
-        What touches counts with the first step as a contact that begins.
+        The kernel counts them as onsets in its first step; `unjudged` has them before.
         """
         if workspace.steps == self._first_step == 0:
             touching = workspace.contacts["touching"].astype(float)
@@ -67,7 +71,7 @@ class Judging:
             self.unjudged = workspace.contact_statistics()
 
     def _have_settled(self, workspace: Workspace) -> bool:
-        """Whether all that has touched by now lies."""
+        """Whether something has touched by now, and all that has lies."""
         self._next_look = (workspace.steps // self._interval + 1) * self._interval
         time, mechanism = workspace.time, self._mechanism
         onsets = workspace.contact_statistics()["onsets"]
@@ -85,6 +89,7 @@ class Judging:
         return bool(self._settled) and time >= max(self._settled.values())
 
     def memory(self) -> dict[str, Any]:
+        """State for checkpoints; `recall` takes it with `unjudged`, which is kept apart."""
         return {
             "start": self.start,
             "waits": self._waits,
@@ -99,9 +104,9 @@ class Judging:
 
 
 def _bounced_until(fallen: float, restitution: float) -> float:
-    """When the bounces after a fall that began at 0 and ended at `fallen` are over [s].
+    """Time at which the bounces after a fall from 0 to `fallen` [s] are over [s].
 
-    The bounces last e, e^2, ... times twice the fall: their geometric series.
+    They last 2 e, 2 e^2, ... times the fall: a geometric series.
     """
     if restitution >= 1.0:
         return math.inf
@@ -109,6 +114,6 @@ def _bounced_until(fallen: float, restitution: float) -> float:
 
 
 def _restitution(gear: Gearing) -> float:
-    """Of teeth, with the rotor alone on them: a joint beside it makes it smaller."""
+    """Restitution of teeth with the rotor alone on them; the joint's inertia makes it smaller."""
     ratio = gear.damping / (2.0 * math.sqrt(gear.steepest * max(gear.rotor_inertia, 1e-300)))
     return math.exp(-math.pi * ratio / math.sqrt(1.0 - ratio**2)) if ratio < 1.0 else 0.0

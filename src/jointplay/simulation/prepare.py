@@ -1,10 +1,15 @@
-"""A run made ready to step: its settings checked, its tables made, its arrays laid out.
+"""Preparing a run: its settings checked, its tables made, its arrays laid out.
 
-In this order: the number of steps, and whether they fit in memory; by joint its drive, what rubs
-and which effort cuts it; the state in which loops are closed and nothing is loaded yet; the drives
-along the whole motion as tables; a model of the run's own, with the armature that prescribed motion
-and rotors need; and the arrays that the kernels step. Where the machine then stands is found by
-`initial.find_rest`.
+`prepare` goes in this order:
+
+1. the number of steps, and whether their records fit in memory;
+2. the drive of each joint, its friction, and the effort at which its drive saturates;
+3. the initial state, loops closed and nothing loaded yet;
+4. the drives along the whole motion as tables;
+5. a Pinocchio model of the run's own, with the armature of prescribed motion;
+6. the arrays that the kernels step, and whether the step follows contacts and loads.
+
+Where the machine then rests is found by `initial.find_rest`.
 """
 
 from __future__ import annotations
@@ -56,16 +61,16 @@ if TYPE_CHECKING:
     from jointplay.simulation.simulation import Simulation
 
 
-# What is checked of a run before anything is made: its steps, memory, friction and efforts.
+# Checks of the settings: steps, memory, friction and efforts.
 
 MOST_STEPS = 10**12
-"""Most steps of a run: they would take months."""
+"""Most steps of a run: more would take months."""
 
 
 def check_integration(simulation: Simulation, method: Integrator) -> tuple[float, float, int]:
     """Refuse settings that make no sense; returns step, end [s] and the number of steps.
 
-    The end is the duration, or that of the last step, if it is later.
+    The end is the duration, or the end of the last step if that is later.
     """
     step = require_positive("step", simulation.step, "s", ("step",))
     for option, noun, unit in (("macro_step", "macro step", "s"), ("tolerance", "tolerance", "")):
@@ -105,7 +110,7 @@ def check_integration(simulation: Simulation, method: Integrator) -> tuple[float
 
 
 def joint_friction(simulation: Simulation) -> Mapping[str, JointFriction]:
-    """Friction by joint: what is given, or the URDF's."""
+    """Friction of each joint: as given, or the URDF's."""
     friction, joints = simulation.joint_friction, simulation.mechanism.joints
     for name in friction or ():
         require_known("moving joint", name, joints)
@@ -113,7 +118,7 @@ def joint_friction(simulation: Simulation) -> Mapping[str, JointFriction]:
 
 
 def effort_bounds(simulation: Simulation, followed: Sequence[str]) -> dict[str, float]:
-    """Check the motion against the URDF's limits; returns the efforts at which drives are cut."""
+    """Check the motion against the URDF's limits; returns the efforts at which drives saturate."""
     if simulation.limits == "ignore":
         return {}
     if followed:
@@ -127,7 +132,7 @@ def effort_bounds(simulation: Simulation, followed: Sequence[str]) -> dict[str, 
 
 
 def check_memory(mechanism: Mechanism, end: float, steps: int, interval: int, nodes: int) -> None:
-    """Refuse a run whose tables (of `nodes`) and records would not fit, before any are made."""
+    """Refuse a run whose tables (of `nodes`) and records would not fit in memory."""
     nv, contacts = mechanism.model.nv, sum(len(j.contacts) for j in mechanism.clearance.values())
     reference = nodes * 9.0 * max(len(mechanism.joints), 1)
     record = 3.0 * nv + 20.0 + 10.0 * len(mechanism.clearance) + 3.0 * contacts
@@ -149,21 +154,22 @@ def check_memory(mechanism: Mechanism, end: float, steps: int, interval: int, no
         )
 
 
-# From a mechanism to what the kernels know of it, and whether it can be stepped at all.
+# Joints as the kernels have them, and whether the step follows their contacts.
 
 MIN_CONTACT_STEPS = 4.0
-"""Fewer steps in an impact than this and the step is refused.
+"""Number of steps in an impact below which the step is refused.
 
 At 4 steps the restitution of an impact scatters by 0.03 (0.07 at c_e = 0.5), at 2 an impact can
 gain energy (docs/validation.md).
 """
 NO_MASS = 1e-9
-"""Part of the mechanism's mass below which what a contact meets counts as no mass."""
+"""Part of the mechanism's mass below which the effective mass of a contact counts as none."""
 FILM_LAG = 0.5
-"""Part of the effective mass that a film's lag reckons with: it may fall on the way."""
+"""Part of the effective mass at the start by which a film's lag is set: that mass may fall on the
+way."""
 REST_SPEED = 0.05
-"""Part of the speed of an impact that would store what a contact at rest stores, to which its
-damping is referred.
+"""Speed to which the damping of a resting contact is referred, relative to that of an impact which
+would store the same energy.
 
 Smaller, and explicit steps cannot follow the damper that a resting contact is; larger, and it
 reaches into what moves: the restitution of an impact is left as it is while the mass that it meets
@@ -172,11 +178,11 @@ is below 1/REST_SPEED^2 = 400 times the smallest one of the start (docs/theory.m
 
 
 LARGEST_TURN = 1.0
-"""Step times natural frequency on a preloaded bearing above which it is refused [rad]."""
+"""Step times natural frequency on a preloaded bearing above which the step is refused [rad]."""
 
 
 def joint_site(mechanism: Mechanism, name: str, q: np.ndarray) -> JointSite:
-    """The joint with clearance `name` as the kernels have it; q is that of the start."""
+    """The joint with clearance `name` as the kernels have it; q is the start's."""
     joint = mechanism.clearance[name]
     mass = effective_mass(mechanism, name, q)
     record = np.zeros(1, layout.JOINT)
@@ -218,6 +224,7 @@ def _fill(row: np.ndarray, law: Law, parameters: tuple[float, ...]) -> None:
 
 
 def _link_masses(mechanism: Mechanism, name: str) -> str:
+    """The masses of the two links of a joint, in words."""
     sides = [index for index, _ in mechanism.frames(name)]
     if name in mechanism.loops:
         loop = mechanism.loops[name]
@@ -235,13 +242,14 @@ def _link_masses(mechanism: Mechanism, name: str) -> str:
 
 
 def _check_step_follows(mechanism: Mechanism, name: str, step: float, q: np.ndarray) -> None:
-    """Refuse a step [s] too large for the swing on springs or on a preloaded bearing."""
+    """Refuse a step [s] too large for the vibration on springs or on a preloaded bearing."""
     joint = mechanism.clearance[name]
     assert joint.resultant is not None
     centred = np.concatenate([np.zeros(3), np.eye(3).ravel()])
     answer = elastic.answers(joint.law, joint.resultant, centred[None])[0]
     stiffness = answer[resultant.TANGENT : resultant.ANSWERS].reshape(6, 6)
     jacobian = mechanism.relative_jacobian(name, q)
+    # The squares of the natural frequencies are the eigenvalues of J M^-1 J^T K.
     squares = np.linalg.eigvals(
         jacobian @ mechanism.inverse_mass_matrix(q) @ jacobian.T @ stiffness
     ).real
@@ -256,8 +264,9 @@ def _check_step_follows(mechanism: Mechanism, name: str, step: float, q: np.ndar
 
 
 def check_step(mechanism: Mechanism, mass_of_all: float, step: float | None, q: np.ndarray) -> None:
-    """Refuse contacts that meet no mass, and a step [s] too large for an impact; None: steps are
-    chosen by their error, and none is too large.
+    """Refuse contacts without effective mass, and a step [s] too large for an impact.
+
+    `step`: None where steps are chosen by their error, of which none is too large.
     """
     for name in mechanism.clearance:
         mass = effective_mass(mechanism, name, q)
@@ -267,18 +276,15 @@ def check_step(mechanism: Mechanism, mass_of_all: float, step: float | None, q: 
                 f"{mass_of_all:.3g} kg in all: {_link_masses(mechanism, name)}; give the "
                 "lighter one more mass or inertia in the URDF"
             )
-        if step is None:
-            continue
-        joint = mechanism.clearance[name]
+    if step is None:
+        return
+    for name, joint in mechanism.clearance.items():
         if joint.resultant is not None:
             _check_step_follows(mechanism, name, step, q)
-        if joint.law in resultant.HOLDING:  # nothing hits
-            continue
-        impact = f"the contact stiffness at {name!r}: an impact at {REFERENCE_SPEED:g} m/s"
-        _check_step_resolves(step, contact_duration(mechanism, name, q), impact)
+        if joint.law not in resultant.HOLDING:  # in those nothing hits
+            impact = f"the contact stiffness at {name!r}: an impact at {REFERENCE_SPEED:g} m/s"
+            _check_step_resolves(step, contact_duration(mechanism, name, q), impact)
     for name in mechanism.gears:
-        if step is None:
-            continue
         impact = f"the stiffness of the gear at {name!r}: an impact of its teeth"
         _check_step_resolves(step, tooth_duration(mechanism, name, q), impact)
 
@@ -293,45 +299,47 @@ def _check_step_resolves(step: float, duration: float, impact: str) -> None:
 
 
 EXPLICIT_DECAY = 0.2
-"""Part of a journal's speed that a drive's damping may take in a step explicitly, if it flies: then
-the step is off by 2 % of that speed, 1 - 0.2 for exp(-0.2)."""
+"""Largest part of a free journal's speed that a drive's damping takes in an explicit step; beyond
+it is solved implicitly. At it the step is off by 2 % of that speed, 1 - 0.2 for exp(-0.2)."""
 LONG_STEP_S = 1e-4
-"""Step for which that is asked where steps go by their error [s]: judged."""
+"""Step to which `EXPLICIT_DECAY` is applied where steps are chosen by their error [s]: judged."""
 CHUNK = 2000
-"""Steps between two looks at the clock and the keyboard, at most: some milliseconds of work."""
+"""Most steps between two looks at the clock and the keyboard: some milliseconds of work."""
 
 
 @dataclass(frozen=True)
 class Prepared:
-    """What `prepare` makes ready."""
+    """All that `prepare` makes for a run."""
 
     method: Integrator
     total_steps: int
     loop: type[time_loop.TimeLoop]
     longest_macro_step: float
-    """[s]."""
+    """Longest macro step of the multi-rate method [s]."""
     drives: Mapping[str, Drive]
+    """Drive of each moving joint."""
     friction: Mapping[str, JointFriction]
-    """Of each joint, that of the servo that turns it directly counted."""
+    """Friction of each joint, that of a servo that turns it directly included."""
     start: InitialState
     reference: Reference
     model: pin.Model
-    """The run's own, for payloads and prescribed motion change its inertias."""
+    """The run's own model, for payloads and prescribed motion change its inertias."""
     data: pin.Data
     sites: list[LoadSite]
+    """The loads as the kernels have them."""
     workspace: Workspace
     compiles: bool
-    """Whether its kernel is being compiled by another process."""
+    """Whether another process is compiling the kernel."""
 
 
 def prepare(simulation: Simulation, in_memory: bool, progress: bool, ahead: bool) -> Prepared:
     """Make a run ready; see `Run` for what is refused.
 
     Args:
-        simulation: what is run.
+        simulation: the inputs of the run.
         in_memory: whether all its records stay in memory.
         progress: show a bar while a long motion is tabulated.
-        ahead: begin to compile its kernel if it is not kept.
+        ahead: begin to compile the kernel in another process if it is not cached.
     """
     mechanism, record_every = simulation.mechanism, simulation.record_every
     method = integrator(simulation.integrator)
@@ -341,6 +349,7 @@ def prepare(simulation: Simulation, in_memory: bool, progress: bool, ahead: bool
     if in_memory:
         nodes = table_nodes(simulation.motion, drives, duration)
         check_memory(mechanism, duration, total_steps, record_every, nodes)
+    # Friction, and drives through teeth that no bandwidth keeps stable.
     friction = dict(joint_friction(simulation))
     for name, drive in drives.items():
         if isinstance(drive, Servo) and name not in mechanism.gears:
@@ -353,17 +362,18 @@ def prepare(simulation: Simulation, in_memory: bool, progress: bool, ahead: bool
         if drive.encoder == "link" and drive.bandwidth is None
     ]
     if undamped:
-        text = "without damping no bandwidth of a drive that its encoder is behind is stable: give "
-        text += "the gear's damping or the drive's bandwidth, or put the encoder on the motor"
-        warnings.warn(
-            f"through the teeth of {few(undamped)} {text}", JointplayWarning, stacklevel=5
-        )
+        text = f"the gear of {few(undamped)} has no damping, so that no bandwidth of a drive with "
+        text += "its encoder on the link is stable: give the gear's damping or the drive's "
+        text += "bandwidth, or put the encoder on the motor"
+        warnings.warn(text, JointplayWarning, stacklevel=5)
     bounds = effort_bounds(simulation, followed)
+    # The initial state.
     start = initial_state(simulation, followed)
     base_chart.check_start(mechanism, start.q)
     require_inertia(mechanism, start.q)
     if simulation.seed is not None and not simulation.starts_at_rest:
         start.perturb(simulation.seed, at_rest=False, behind=behind_gears(drives))
+    # Tables of the drives, which in memory reach two stretches ahead.
     loop = time_loop.Adaptive if simulation.tolerance else time_loop.MultiRate
     macro_step = simulation.macro_step or loop.longest_macro_step_s
     ahead_s = 2.0 * (CHUNK * step + macro_step)
@@ -372,8 +382,9 @@ def prepare(simulation: Simulation, in_memory: bool, progress: bool, ahead: bool
         ahead_s, start.v,
     )  # fmt: skip
     start.move()
-    # What else is compiled, by this process, is so while another one ends the kernel.
+    # What else must be compiled, this process compiles while another one ends the kernel.
     compiles = ahead and kernel_ahead(method.command)
+    # The run's own model, and the arrays of the kernels.
     model = mechanism.model.copy()
     for at, value in armature.items():
         model.armature[at] += value
@@ -391,9 +402,9 @@ def prepare(simulation: Simulation, in_memory: bool, progress: bool, ahead: bool
         loads=sites,
     )
     workspace.q[:], workspace.v[:] = start.q, start.v
-    # The damping of drives that no step follows, or no long one, is solved for implicitly. A drive
-    # is tuned to what it carries at rest. While the journal that it turns flies, there is only that
-    # journal's inertia, which may be a ten-thousandth.
+    # The damping of drives that the step, or a long one, does not follow is solved implicitly. A
+    # drive is tuned to what it carries at rest. While the journal that it turns flies, it meets
+    # only that journal's inertia, which may be a ten-thousandth.
     longest = step if simulation.tolerance is None else LONG_STEP_S
     inverse = np.diag(pin.computeMinverse(model, data, workspace.q))
     rate = workspace.drives["kd"] * inverse[workspace.drives["coordinate"]]

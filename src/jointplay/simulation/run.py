@@ -1,4 +1,10 @@
-"""A run: a simulation made ready to step, that one can hold, watch and continue."""
+"""A run: a simulation made ready to step, that can be held, watched and continued.
+
+`prepare` makes the tables and arrays, `statics` finds the equilibrium in which the run begins.
+From there the run goes in stretches: a `TimeLoop` steps until something is due (a payload, a sample
+of a controller, a new block of the reference table, a look at the contacts), what is due is done,
+and the next stretch begins. Records are made into a `Result` at the end (`result.histories`).
+"""
 
 from __future__ import annotations
 
@@ -48,42 +54,40 @@ if TYPE_CHECKING:
     from jointplay.simulation.simulation import Simulation
 
 
-# A run at one instant, to be read.
-
-
 @dataclass(frozen=True)
 class Moment:
-    """State and contact forces at one instant; arrays are copies, the run goes on without them.
+    """State and contact forces of a run at one instant, as copies.
 
-    Names that do not exist are a `MissingName`.
+    Its methods raise `MissingName` for names that do not exist.
     """
 
     time: float
-    """[s]."""
+    """Simulated time [s]."""
     step: int
+    """Number of steps done."""
     q: np.ndarray
     """Generalised coordinates, in the order of `coordinates`, shape (nq,) [rad or m]."""
     v: np.ndarray
-    """Their velocities, shape (nv,)."""
+    """Generalised velocities, shape (nv,) [rad/s or m/s]."""
     mechanism: Mechanism
     poses: np.ndarray
-    """By joint with clearance: centre of the journal (3) [m], then its orientation row by row (9),
-    in the bearing frame; shape (nj, 12)."""
+    """Pose of each journal in its bearing's frame: centre (3) [m], then orientation row by row (9);
+    shape (nj, 12)."""
     wrenches: np.ndarray
-    """Force on the journal (3) [N] and moment about its centre (3) [N m], bearing axes, (nj, 6)."""
+    """Force on each journal [N] and moment about its centre [N m], bearing axes, (nj, 6)."""
     normal_forces: np.ndarray
-    """By joint and contact, 0 where nothing touches, shape (nj, contacts) [N]."""
+    """Normal force of each joint's contacts, 0 where nothing touches, (nj, contacts) [N]."""
 
     @property
     def coordinates(self) -> tuple[Coordinate, ...]:
         return tuple(self.mechanism.coordinates)
 
     def position(self, name: str) -> float:
-        """Of a joint or of a single coordinate such as ``joint.x`` [rad or m]."""
+        """Position of a joint or of a single coordinate such as ``joint.x`` [rad or m]."""
         return float(self.q[named(self.mechanism, name)[0]])
 
     def speed(self, name: str) -> float:
-        """Of a joint or of a single coordinate [rad/s or m/s]."""
+        """Speed of a joint or of a single coordinate [rad/s or m/s]."""
         return float(self.v[named(self.mechanism, name)[0]])
 
     def journal(self, joint: str) -> tuple[np.ndarray, np.ndarray]:
@@ -96,7 +100,7 @@ class Moment:
         return self.wrenches[self._joint(joint), :3]
 
     def contacts(self, joint: str) -> dict[str, float]:
-        """Normal force by the name of the contact [N]."""
+        """Normal force of each contact of a joint, by name [N]."""
         at = self._joint(joint)
         names = self.mechanism.clearance[joint].contacts
         return {name: float(self.normal_forces[at, k]) for k, name in enumerate(names)}
@@ -108,11 +112,11 @@ class Moment:
 
 
 FASTEST_SHOWN = 4
-"""Coordinates that the message on a run that diverged has."""
+"""Number of coordinates that the message on a run that stopped shows, the fastest ones."""
 SAME_PLACE = 1e-12
-"""A machine without play that would rest so near where it is begins there [rad or m]."""
+"""Distance below which a machine without play counts as resting where it was put [rad or m]."""
 ENGAGED_S = 1e-3
-"""Interval at which is looked whether journals are in their open-ended bearings [s]."""
+"""Interval at which journals are checked to be in their open-ended bearings [s]."""
 
 
 @contextmanager
@@ -127,18 +131,19 @@ def _refusing_overflow() -> Iterator[None]:
 
 @known_keywords
 class Run:
-    """A simulation that one holds while it runs, with its journals where they begin.
+    """A simulation under way, at first with its journals where they begin.
 
     Args:
-        simulation: what is run.
+        simulation: the inputs of the run.
         progress: show a bar on standard error while a long motion is tabulated.
         records: where records go that memory has no room for: a file, of which `Simulation.run_to`
             makes a result, or a function that takes them portion by portion. None: all stay in
             memory.
-        places: where journals of another run rested (`Rest.places`), of joints that are the same
-            and bear the same: the search for rest begins there, and ends where it would without.
-        ahead: it is going to be stepped: if its kernel is not kept, begin to compile it before the
-            rest is made ready.
+        places: resting places of journals in another run (`Rest.places`), of joints that are the
+            same and bear the same: the search for rest begins there, and ends where it would
+            without.
+        ahead: whether it is going to be stepped, so that a kernel that is not cached is compiled
+            while the rest is made ready.
 
     Raises:
         JointplayError: a step, duration or record interval that makes no sense, a step too large
@@ -157,7 +162,8 @@ class Run:
         require_a("simulation", simulation, "Simulation")
         prepared = prepare(simulation, records is None, progress, ahead)
         self.simulation, self.mechanism = simulation, simulation.mechanism
-        self.label = ""  # what the progress bar calls the run
+        self.label = ""
+        """Name of the run in its progress bar."""
         self.method, self.total_steps = prepared.method, prepared.total_steps
         self.model, self.data, self.workspace = prepared.model, prepared.data, prepared.workspace
         self.friction, self._reference = prepared.friction, prepared.reference
@@ -165,10 +171,10 @@ class Run:
         self._chart = BaseChart(self)
         self.overflow = None if records is None else self._overflow(records, prepared)
         """Where records go that memory has no room for."""
-        self._watch = LoadSchedule(self, prepared.sites)
+        self._load_schedule = LoadSchedule(self, prepared.sites)
         self._events = Events(self)
         self.rest: Rest | None = None
-        """Where the search for the place of rest ended; None if journals start centred."""
+        """Where the search for the equilibrium ended; None if journals start centred."""
         if simulation.starts_at_rest:
             self._place(prepared, places or {})
         prepared.start.check_journals()
@@ -178,14 +184,17 @@ class Run:
         self.judging = Judging(self.mechanism, simulation.step, self.simulation.judged_from)
         self._begun = self._finished = False
         self._complete = True
-        """Whether q and v of the workspace are complete: no step since they were made so."""
+        """Whether q and v of the workspace are of one instant: no step since they were made so."""
         self._left: tuple[bytes, bytes] | None = None
-        """q and v as the run left them."""
+        """q and v as the run left them, by which changes from outside are noticed."""
         self._elapsed = 0.0
+        """Wall time of the stretches that are over [s]."""
         self._since: float | None = None
+        """Clock at which the run would have begun without a break; None between stretches [s]."""
         self._origin: tuple[np.ndarray, np.ndarray] | None = None
+        """q and v at the start, for other runs from there."""
         self.stop_checks: list[Callable[[], bool]] = []
-        """Called between stretches; the run stops, to be continued or not, if one says True."""
+        """Functions called between stretches; the run stops if one returns True."""
         correction = time_loop.LOOP_CORRECTION / simulation.step
         constraints = self.mechanism.constraints(self.workspace.q, correction)
         self._loop: time_loop.TimeLoop = prepared.loop(self, constraints)
@@ -204,12 +213,12 @@ class Run:
         return self.overflow if isinstance(self.overflow, DiskRecords) else None
 
     def _place(self, prepared: Prepared, places: Mapping[str, np.ndarray]) -> None:
-        """Let the run begin where the machine rests, if it does.
+        """Let the run begin where the machine rests, if an equilibrium is found.
 
-        Without play, too: its drives give way, and its loads bend it.
+        This holds without play, too: drives give way, and loads bend the machine.
         """
         simulation, w, start = self.simulation, self.workspace, prepared.start
-        self._events.apply_due_events(w)  # what is picked at 0 weighs from the first
+        self._events.apply_due_events(w)  # a payload that is picked up at 0 counts
         loads = StaticLoads(simulation.loads, self.mechanism, prepared.sites)
         rest = initial.find_rest(self, start, prepared.drives, loads, places)
         if not (self.mechanism.clearance or self.mechanism.gears):
@@ -230,7 +239,7 @@ class Run:
                 f"no equilibrium was found: {failure}; start 'centred', or give a state in "
                 "which the drives hold the machine"
             )
-        # As the result says: to run it again is to run it like this.
+        # The result holds how it did start, so that it can be run again like this.
         self.simulation = replace(simulation, start="rest" if rest.solved else "centred")
         start.q = rest.q if rest.solved else start.q
         if simulation.seed is not None:
@@ -240,7 +249,7 @@ class Run:
         w.q[:], w.v[:] = start.q, start.v
 
     def highest_frequency(self) -> float:
-        """Of what springs, gears and drives can make swing [rad/s], where the run begins."""
+        """Highest natural frequency on springs, gears and drives where the run begins [rad/s]."""
         mechanism, w = self.mechanism, self.workspace
         inverse = np.diag(pin.computeMinverse(self.model, self.data, w.q))
         frequencies = [acting.highest_frequency(self.simulation.loads, mechanism, w.q)[0]]
@@ -258,6 +267,7 @@ class Run:
 
     @property
     def phases(self) -> list[Phase]:
+        """Stretches so far in which the bodies keep their inertias."""
         return self._events.phases
 
     def displace(self, distance: Sequence[float]) -> None:
@@ -266,9 +276,7 @@ class Run:
         initial.displace_journals(self.mechanism, self.workspace.q, distance)
 
     def shorten_macro_steps(self, factor: float) -> None:
-        """Have macro steps so much shorter, before the run begins; their error falls with the
-        square.
-        """
+        """Divide macro steps by `factor` before the run begins; errors fall with its square."""
         if isinstance(self._loop, time_loop.MultiRate):
             self._loop.shorten_macro_steps(factor)
 
@@ -282,9 +290,9 @@ class Run:
 
         Args:
             progress: show a bar with simulated time, speed and time left on standard error.
-            check_step: where nothing else judges the step, run again with another one
-                (`step_check`), which takes about half of the run's time, in doubt two and a half
-                times as long. Not for a run that was continued.
+            check_step: where nothing else judges the step, estimate its error by a run with another
+                step (`step_check`), which takes about half of the run's time, in doubt two and a
+                half times as long. A run that was continued is not checked.
             only: histories that are wanted; see `histories.histories`.
 
         Raises:
@@ -306,11 +314,11 @@ class Run:
         return result
 
     def result(self, status: Status | None = None, only: Sequence[str] | None = None) -> Result:
-        """What was recorded so far, as a result.
+        """Make a result of what was recorded so far.
 
         Args:
-            status: how the run ended; if not given, as it did: at its end, by a failure, or
-                interrupted here.
+            status: how the run ended; None: as it did, at its end, by a failure, or interrupted
+                here.
             only: see `histories.histories`.
         """
         if status is None:
@@ -320,7 +328,7 @@ class Run:
         return histories(self, status, only)
 
     def run_to_end(self, progress: bool = False) -> Status:
-        """Step to the end, a failure, or Ctrl-C; returns why. Warns if it failed; see `finish`."""
+        """Step to the end, a failure, or Ctrl-C; returns which. A failure also warns."""
         self._check_unfinished()
         workspace = self.workspace
         if workspace.steps == 0:
@@ -353,14 +361,13 @@ class Run:
 
     @property
     def elapsed(self) -> float:
-        """What the run took so far, in all processes together [s]."""
+        """Wall time of the run so far, in all processes together [s]."""
         return self._elapsed if self._since is None else time.perf_counter() - self._since
 
     def _stretches(self, pause: int = CHUNK) -> Iterator[float]:
-        """Step to the end, or to a failure; gives the time [s] after every stretch of `pause`
-        steps.
+        """Step to the end, or to a failure; yields the time [s] about every `pause` steps.
 
-        The multi-rate method stops at the macro step that passes them.
+        The multi-rate method pauses at the end of the macro step that passes them.
         """
         self._check_unfinished()
         while self.workspace.steps < self.total_steps:
@@ -371,13 +378,13 @@ class Run:
         self._finished = True
 
     def steps(self, every: float | None = None) -> Iterator[Moment]:
-        """Step to the end, or to a failure, and give a moment between macro steps to read.
+        """Step to the end, or to a failure, and yield moments between macro steps to be read.
 
-        The first is that of the start. To look changes nothing: the run is the same bit for bit.
+        The first is that of the start. Looking changes nothing: the run is the same bit for bit.
 
         Args:
-            every: a moment at the first macro step that ends at or after each multiple of this
-                [s]; None: one after every macro step.
+            every: interval of the moments [s]; each is at the end of the macro step that reaches a
+                multiple of it. None: one after every macro step.
         """
         self._check_unfinished()
         if every is not None:
@@ -394,6 +401,7 @@ class Run:
 
     def moment(self) -> Moment:
         """The present instant, to be read; the run goes on as if nobody had looked."""
+        # To be read, the state is evaluated in place, and put back afterwards.
         self.begin()
         w = self.workspace
         saved = [array.copy() for array in w.state()]
@@ -417,8 +425,8 @@ class Run:
     def begin(self) -> None:
         """Evaluate forces and acceleration of the state, payloads picked at 0 in hand.
 
-        Whatever steps or looks does it where it is needed: before the first step, and after
-        `synchronize`. Where nothing has changed since, nothing is done.
+        Methods that step or look call it themselves: before the first step, and after
+        `synchronize`. If nothing has changed since, it does nothing.
 
         Raises:
             JointplayError: q or v of the workspace were changed between steps without
@@ -432,15 +440,15 @@ class Run:
                 "method has parts of the state elsewhere: call synchronize() before you change them"
             )
         self._events.apply_due_events(self.workspace)
-        self._watch.start(self._loop)
+        self._load_schedule.start(self._loop)
         self.judging.begin(self.workspace)
         self._begun = True
         self._left = self._state()
 
     def synchronize(self) -> None:
-        """Make q and v of the workspace whole, to be changed; the next step begins with them.
+        """Bring q and v of the workspace to one instant, to be changed; the next step begins there.
 
-        They are whole before the first step, and after a `synchronize`: nothing is done then.
+        Before the first step, and after another `synchronize`, it does nothing.
         """
         if not self._complete:
             self.begin()
@@ -461,12 +469,13 @@ class Run:
     def checkpoint(self, path: str | Path) -> Path:
         """Write the run as it stands; `Simulation.resume` continues it bit for bit.
 
-        Between stretches or moments, or after Ctrl-C within them. An older checkpoint of that name
-        is replaced, at once or not at all; what is none is not.
+        Call it between stretches or moments, or after Ctrl-C within them. An older checkpoint of
+        that name is replaced, whole or not at all; any other file is refused.
         """
         return checkpoint.save(self, Path(path))
 
     def memory(self) -> dict[str, Any]:
+        """State of the run beyond its workspace, as plain data and arrays; see `recall`."""
         return {
             "begun": self._begun,
             "whole": self._complete,
@@ -478,7 +487,7 @@ class Run:
             "loop": self._loop.memory(),
             "judging": self.judging.memory(),
             "unjudged": self.judging.unjudged,
-            "watch": self._watch.memory(),
+            "watch": self._load_schedule.memory(),
             "chart": self._chart.memory(),
         }
 
@@ -494,14 +503,14 @@ class Run:
         self._reference.recall(memory["reference"])
         self._set_reference_block()
         self.judging.recall(memory["judging"], memory["unjudged"])
-        self._watch.recall(memory["watch"])
+        self._load_schedule.recall(memory["watch"])
         self._chart.recall(memory["chart"])
 
     def _advance_stretch(self, most: int = CHUNK, pause: int | None = None) -> bool:
-        """Do at most so many steps, then what is due; returns whether all is well.
+        """Do at most `most` steps, then what is due; returns whether all is well.
 
-        With `pause` it returns after the first macro step that ends at or after this step, if
-        earlier; the run is the same with and without.
+        With `pause` it returns after the first macro step that ends at or after this step, if that
+        is earlier; the run is the same with and without.
         """
         w = self.workspace
         self.begin()
@@ -510,19 +519,20 @@ class Run:
             self._set_reference_block()
         if self.overflow is not None:
             self.overflow.before_stretch()
-        # How far at most, or at least, until something is due: `steps` is met exactly, which may
-        # end a macro step early; `pause` by the end of the macro step that passes it.
+        # Two ends of the stretch: after `steps` exactly, which may end a macro step early, where
+        # something happens to the state; at the end of the macro step that passes `pause`, where
+        # the state is only looked at, so that looking changes no step.
         steps = min(most, self.total_steps - w.steps)
-        look = max(round(ENGAGED_S / self.simulation.step), 1)
-        soon = w.steps + (min(CHUNK, look) if self._open_ended else CHUNK)
-        pause = soon if pause is None else min(pause, soon)
         due = self._events.next_step
         if due is not None:
             steps = min(steps, due - w.steps)
-        for watch in (self._watch, self._chart):
-            watched = watch.steps_until_next(w.steps)
-            if watched is not None:
-                steps = min(steps, watched)
+        for changing in (self._load_schedule, self._chart):
+            until_next = changing.steps_until_next(w.steps)
+            if until_next is not None:
+                steps = min(steps, until_next)
+        look = max(round(ENGAGED_S / self.simulation.step), 1)
+        soon = w.steps + (min(CHUNK, look) if self._open_ended else CHUNK)
+        pause = soon if pause is None else min(pause, soon)
         pause = int(min(pause, self.judging.next_step(w.steps)))
         try:
             good = self._loop.stretch(steps, pause)
@@ -537,16 +547,17 @@ class Run:
         return good
 
     def _do_what_is_due(self, due: int | None) -> None:
+        """Look at the contacts; apply events at the step `due`, samples of loads, a new chart."""
         w = self.workspace
         self.judging.look(w)
         if due is not None and due == w.steps:
             self._loop.synchronize()
             self._events.apply_due_events(w)
-            self._watch.start(self._loop)
-        elif self._watch.is_due(w.steps):
-            self._watch.look(self._loop, last=w.steps >= self.total_steps)
+            self._load_schedule.start(self._loop)
+        elif self._load_schedule.is_due(w.steps):
+            self._load_schedule.look(self._loop, last=w.steps >= self.total_steps)
         if self._chart.replace_if_due(self._loop):
-            self._watch.start(self._loop)
+            self._load_schedule.start(self._loop)
 
     def _set_reference_block(self) -> None:
         if self._reference.go_to(self.workspace.time):
@@ -567,7 +578,7 @@ class Run:
         return True
 
     def message(self, status: Status) -> str:
-        """One line on how the run ended."""
+        """How the run ended, in a line."""
         mechanism, workspace = self.mechanism, self.workspace
         at = f"at t = {workspace.time:.6g} s (step {workspace.steps})"
         if status == Status.COMPLETED:
@@ -586,7 +597,7 @@ class Run:
         return f"stopped {at}: {failure}; {remedy}. State: {shown}"
 
     def _failure(self, status: Status) -> tuple[str, str]:
-        """What stopped the run, and what would help."""
+        """Cause of a run's stop, and its remedy."""
         mechanism, workspace = self.mechanism, self.workspace
         index, contact = workspace.bad_contact
         if status == Status.BAD_LOAD:

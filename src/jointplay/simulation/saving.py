@@ -1,4 +1,4 @@
-"""Running a simulation and having its result on disk, whatever happens in between."""
+"""Running a simulation with its result on disk: checkpoints, requests to stop, and saving."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ CHECKPOINT_S = 60.0
 
 
 def run_to(simulation: Simulation, path: Path, progress: bool, resume: bool) -> Result:
-    """Run, with records and checkpoints beside `path`, and save; `resume` continues from them."""
+    """Run with records and checkpoints beside `path`, and save; `resume` continues from them."""
     records, checkpoint_path = working_paths(path)
     working_files.check_own(path)
     resume = resume and checkpoint_path.exists()
@@ -56,7 +56,7 @@ def run_and_save(
     """Run and save; after a request to stop, save what there is, with a checkpoint beside it.
 
     Returns:
-        How it ended, and the result; None of a run whose records are on disk: the file has it.
+        How it ended, and the result; None for a run whose records are on disk: the file has it.
 
     Raises:
         JointplayError: the result cannot be written to `path`; the message says where it is.
@@ -98,6 +98,7 @@ def run_and_save(
 
 
 def _checkpoints(run: Run, path: Path) -> Callable[[], bool]:
+    """A stop check that never stops, and writes a checkpoint every `CHECKPOINT_S`."""
     last = time.monotonic()
 
     def write_if_due() -> bool:
@@ -118,6 +119,7 @@ def _save_from_disk(
     overwrite: bool,
     progress: bool,
 ) -> None:
+    """Make the result file of records on disk, portion by portion."""
     assert run.on_disk is not None
     run.on_disk.write_to_disk()
     portions, builder = run.on_disk.portions(), HistoryBuilder(run)

@@ -1,4 +1,4 @@
-"""All inputs of a run (eqs 22, 23)."""
+"""A simulation: all inputs of a run of eqs 22 and 23, completed and checked."""
 
 from __future__ import annotations
 
@@ -41,9 +41,10 @@ if TYPE_CHECKING:
     from jointplay.simulation.result.result import Result
 
 _TURNS = re.compile(r"\s*([0-9.]+(?:[eE][+-]?[0-9]+)?)\s*(turns?|s)\s*")
+"""A settling time as text: ``2 turns`` or ``0.5 s``."""
 
 _NODES = 20000
-"""Times at which a motion is searched for its turns."""
+"""Times at which a motion is sampled to count its turns."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -57,7 +58,7 @@ class Simulation(Overview, Inputs):
     """
 
     def _check_tables(self) -> None:
-        """Refuse what is no table of objects, or has others."""
+        """Refuse loads, joint friction and drives that are no tables of such objects."""
         tables: dict[str, Any] = {"load": self.loads}
         if self.joint_friction is not None:
             tables["joint friction"] = self.joint_friction
@@ -74,9 +75,10 @@ class Simulation(Overview, Inputs):
         if self.motion is not None:
             require_a("motion", self.motion, "Motion")
         require_a("payloads", self.payloads, "Iterable")
+        # Loads and drives that nobody gave are those of the robot's file.
         if self.loads is FILES_LOADS:
-            object.__setattr__(self, "loads", self._filed("loads", Load))
-        filed = self._filed("drives", Drive) if self.drive is FILES_DRIVES else {}
+            object.__setattr__(self, "loads", self._from_file("loads", Load))
+        filed = self._from_file("drives", Drive) if self.drive is FILES_DRIVES else {}
         check_fields(self)
         if self.start == "rest" and self.mechanism.free_base is not None:
             reason = "start 'rest' is for a base that is held: start 'centred', or hold the base"
@@ -89,6 +91,9 @@ class Simulation(Overview, Inputs):
         carried = tuple(payload for payload in self.payloads if payload.mass > 0.0)
         object.__setattr__(self, "payloads", carried)
         self._check_tables()
+        # With one drive for all, joints that the motion does not name are held, or follow those
+        # that they mimic, unless their speed or a drive that follows nothing is given, or teeth
+        # lead them.
         if self.motion is not None and isinstance(self.drive, Drive) and self.drive.follows:
             moving = {name for name, (_, speed) in state.items() if speed is not None}
             moving |= {name for name, drive in filed.items() if not drive.follows}
@@ -108,8 +113,8 @@ class Simulation(Overview, Inputs):
             drives = {joint: filed.get(joint, FILES_DRIVES) for joint in self.motion.joints}
             object.__setattr__(self, "drive", drives)
 
-    def _filed(self, table: str, kind: type[Any]) -> dict[str, Any]:
-        """What the robot's file says beyond a URDF, of joints that move."""
+    def _from_file(self, table: str, kind: type[Any]) -> dict[str, Any]:
+        """Objects of a table that the robot's file has beyond a URDF, for joints that move."""
         rows = self.mechanism.description.beyond.tables.get(table, {})
         moving = self.mechanism.joints
         return {
@@ -149,18 +154,18 @@ class Simulation(Overview, Inputs):
             return True
         if self.motion is None:
             return False
-        _, speed, acceleration = self.motion(np.zeros(1))  # inertia presses
+        _, speed, acceleration = self.motion(np.zeros(1))  # then inertia forces press journals
         return bool(speed.any() or acceleration.any())
 
     @property
     def judged_from(self) -> float | None:
-        """When figures begin to be judged [s].
+        """Time from which figures are judged [s].
 
-        `judge_from` if given, else when `settle` is over; else, where journals fall into their
-        bearings or perturbed teeth through their play at the start, after the first turn of a joint
-        of the motion, if another follows; None: when contacts have settled, which a run finds
-        (`judging`). At 0 where nothing falls. Refused if it makes no sense, as turns of what
-        does not turn.
+        It is `judge_from` if given, else the end of `settle`. Without either it is 0, unless
+        journals fall into their bearings at the start, or perturbed teeth through their play: then
+        it is the end of the first turn of a joint of the motion that makes two, or else None: when
+        contacts have settled, which a run finds (`judging`). Refused if it makes no sense, as turns
+        of what does not turn.
         """
         duration = self._simulated_time()
         if self.judge_from is not None:
@@ -181,7 +186,7 @@ class Simulation(Overview, Inputs):
             motion, periods = self.motion, list[float]()
             for name in _turning(self):
                 assert motion is not None
-                # A motion shows its period when it repeats it.
+                # A turn is the period of a motion that repeats it.
                 if _time_of_turns(motion, name, 2.0, duration) <= duration:
                     turned = _time_of_turns(motion, name, 1.0, duration)
                     periods.append(math.ceil(turned / self.step) * self.step)
@@ -198,16 +203,16 @@ class Simulation(Overview, Inputs):
         return math.nan if self.motion is None else float(self.motion.duration)
 
     def steps(self, every: float | None = None) -> Iterator[Moment]:
-        """Run, and look at the state between macro steps, at most so often [s]: see `Run.steps`.
+        """Run, and yield the state between macro steps, each `every` seconds: see `Run.steps`.
 
-        Stop the loop when you have seen enough.
+        Leave the loop when you have seen enough.
         """
         return Run(self).steps(every)
 
     @staticmethod
     @known_keywords
     def resume(path: str | Path) -> Run:
-        """A run as `Run.checkpoint` left it, to be continued bit for bit.
+        """Make the run that `Run.checkpoint` wrote, to be continued bit for bit.
 
         Args:
             path: the file.
@@ -233,7 +238,7 @@ class Simulation(Overview, Inputs):
             resume: continue from the checkpoint if there is one.
 
         Returns:
-            The result, opened as by `Result.open`. Interrupted, it holds everything up to there.
+            The result, opened as by `Result.open`; of an interrupted run everything up to there.
 
         Raises:
             JointplayError: see `Run`; the file exists (and nothing is to be continued); it cannot
@@ -253,11 +258,11 @@ class Simulation(Overview, Inputs):
 
         Args:
             progress: show bars.
-            certify: find the errors in `Result.certificate` by several further runs, more finely.
+            certify: find the errors in `Result.certificate` by several further, finer runs.
             check_step: see `Run.finish`.
-            estimate: find them by two further runs, in doubt three: see docs/certificates.md.
-            only: names of the histories that the result shall have, for less memory and time; what
-                it is asked for afterwards must do with these. None: all.
+            estimate: estimate them by two further runs, in doubt three: see docs/certificates.md.
+            only: names of the histories that the result shall have, for less memory and time; its
+                methods must do with these. None: all.
         """
         result = Run(self, progress).finish(progress, check_step, only)
         if (certify or estimate) and result.status == Status.COMPLETED:
@@ -274,7 +279,7 @@ class Simulation(Overview, Inputs):
 
 
 class Settings(TypedDict, total=False):
-    """What `simulate` takes by name: fields of `Simulation`, as values or as files have them."""
+    """Keywords of `simulate`: fields of `Simulation`, as values or as files have them."""
 
     drive: Drive | str | Mapping[str, Drive | str]
     step: float | str
@@ -321,6 +326,7 @@ def simulate(
 
 
 def _settling_time(simulation: Simulation, settle: float | str, duration: float) -> float:
+    """`Simulation.settle` as a time [s]."""
     if not isinstance(settle, str):
         return require_non_negative("settle", settle, "s", ("settle",))
     match = _TURNS.fullmatch(settle)
@@ -355,7 +361,7 @@ def _turning(simulation: Simulation) -> list[str]:
 
 
 def _time_of_turns(motion: Motion, joint: str, turns: float, duration: float) -> float:
-    """When a joint of the motion is so many turns from its start [s]; infinite if it never is."""
+    """Time at which a joint of the motion has made so many turns [s]; infinite if it never has."""
     times = np.linspace(0.0, duration, _NODES)
     position = motion(times)[0][:, motion.joints.index(joint)]
     turned = np.abs(position - position[0])

@@ -1,9 +1,8 @@
-"""Runs of any length in bounded memory: their records go to disk while they run.
+"""Runs of any length in bounded memory: their records go to disk, or to a function, meanwhile.
 
 The result file is made of them at the end, portion by portion. Until then they are plain numbers
-behind one line that says whose they are: a NetCDF file that its process was killed over cannot be
-read any more, these can be cut to what a checkpoint knows of, and no other file is ever taken for
-them.
+behind one line that says whose they are. They can be cut to what a checkpoint knows of, while a
+NetCDF file whose process was killed cannot be read any more; and no other file is taken for them.
 """
 
 from __future__ import annotations
@@ -25,24 +24,24 @@ from jointplay.simulation.result.variables import Records
 from jointplay.simulation.working_files import RECORDS
 
 PORTION_BYTES = 2 << 20
-"""Records that are in memory at once when histories are made of them [bytes]."""
+"""Size of the records in memory at once when histories are made of them [bytes]."""
 MOST_BYTES = 32 << 20
-"""Records of a run that take more do not stay in memory, if they may go elsewhere [bytes]."""
+"""Size of a run's records beyond which they go elsewhere, if they may [bytes]."""
 RECORD_BYTES = 4 << 20
-"""Of such a run so much is in memory [bytes]."""
+"""Size of the records of such a run that are in memory [bytes]."""
 
 
 class Overflow(ABC):
     """Where a run's records go when memory has no more room for them.
 
     Args:
-        workspace: of the run.
-        records: that the whole run makes.
-        most: records of a stretch, at most.
+        workspace: the run's.
+        records: number of records of the whole run.
+        most: largest number of records in a stretch.
 
     Attributes:
         before_writing: called before records go elsewhere.
-        needed: whether the run makes more than memory is to hold.
+        needed: whether the run makes more records than memory shall hold.
     """
 
     def __init__(self, workspace: Workspace, records: int, most: int) -> None:
@@ -55,12 +54,13 @@ class Overflow(ABC):
         workspace.reserve_records(room if self.needed else records)
 
     def before_stretch(self) -> None:
+        """Make room for the records of the next stretch."""
         w = self._workspace
         if self.needed and int(w.run["rows"][0]) - w.rows < self._most:
             self.empty()
 
     def empty(self) -> None:
-        """Take all records out of memory.
+        """Move all records out of memory.
 
         Raises:
             JointplayError: they cannot be written.
@@ -73,19 +73,18 @@ class Overflow(ABC):
 
     @abstractmethod
     def _take(self, records: np.ndarray) -> None:
-        """Keep records, shape (n, columns), which are gone afterwards."""
+        """Keep a copy of records, shape (n, columns), which are overwritten afterwards."""
 
 
 class DiskRecords(Overflow):
-    """Records that go to a file of theirs, which is made when the first ones go there.
+    """Records that go to a file of their own, which is made when the first ones go there.
 
     Attributes:
-        name: of the run in its file of records, if an earlier process has begun it; no other run
-            has it.
-        rows: records in the file.
+        name: unique name of the run in its file of records; None before there is one.
+        rows: number of records in the file.
 
     Raises:
-        JointplayError: another file than one of records is there.
+        JointplayError: the path has a file that is none of records.
     """
 
     def __init__(self, path: Path, workspace: Workspace, records: int, most: int) -> None:
@@ -96,7 +95,7 @@ class DiskRecords(Overflow):
         super().__init__(workspace, records, most)
 
     def _opened(self) -> BinaryIO:
-        """The file, cut to the records that the workspace knows of; another run's are replaced.
+        """The file, cut to the records that the workspace counts; another run's are replaced.
 
         Raises:
             JointplayError: the file is not of this kind, or of another run; it cannot be written,
@@ -143,7 +142,7 @@ class DiskRecords(Overflow):
         self.rows += len(records)
 
     def write_to_disk(self, sync: bool = False) -> None:
-        """Put all records on disk; `sync`: so that they survive a power failure.
+        """Move all records to disk; with `sync` they survive a power failure.
 
         Raises:
             JointplayError: they cannot be written.
@@ -179,9 +178,7 @@ class DiskRecords(Overflow):
 
 
 class PassedRecords(Overflow):
-    """Records that are passed to a function, in portions that begin at multiples of
-    `audit.PORTION`, and then forgotten.
-    """
+    """Records that are passed to a function, in portions from multiples of `audit.PORTION` on."""
 
     def __init__(
         self, taker: Callable[[Records], None], workspace: Workspace, records: int, most: int

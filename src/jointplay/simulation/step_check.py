@@ -1,11 +1,12 @@
-"""How far a run without clearance is off because of its step: found by another step.
+"""Step doubling: the error of a run without clearance because of its step.
 
 Energy does not tell: it can balance within a per cent while a robot that rattles in its gears is
 centimetres from where it should be. So the run is done again with twice the step, at half its cost.
 Only where the two differ is it done with half the step too, which then decides: a step that is good
 enough is not blamed for what twice of it would do.
 
-Impacts in clearances part neighbouring runs, and are judged by their duration (`audit`).
+Impacts in clearances separate neighbouring runs; there the duration of impacts judges the step
+(`audit`).
 """
 
 from __future__ import annotations
@@ -33,15 +34,14 @@ if TYPE_CHECKING:
 _DOUBTED = 0.3 * STEP_WARNING
 """Difference from the run with twice the step above which half the step is tried."""
 _LEAST_MOTION = 1e-6
-"""A motion of all coordinates by less than this counts as this [rad or m]."""
+"""Motion of all coordinates to which errors are relative at least [rad or m]."""
 _MOST_ROWS = 2000
-"""Records of the other runs, about: their memory does not count."""
+"""Records of the other runs, about: so few that their memory does not count."""
 
 
 StepError = tuple[float, float]
-"""How far a run may be off because of its step: largest error of the tool's position [m]; and of
-the coordinates, relative to how far they move at most, weighted with the masses that they move,
-motors left out."""
+"""Error of a run by its step: largest error of the tool's position [m]; and that of all coordinates
+but motors in the norm of the mass matrix, relative to how far they move at most."""
 COMPARED = ("q", "tool_position")
 """Histories that are compared."""
 
@@ -51,8 +51,8 @@ _UNBOUNDED = math.inf, math.inf
 def is_needed(simulation: Simulation) -> bool:
     """Whether nothing else judges the step.
 
-    The multi-rate method does, by the error of its macro steps, but for teeth and where the step is
-    no shorter than its macro steps, or these are given.
+    The multi-rate method judges it by the error of its macro steps, but not where teeth mesh, where
+    the step is longer than its macro steps, or where these are given.
     """
     mechanism = simulation.mechanism
     if mechanism.clearance:
@@ -66,10 +66,11 @@ def is_needed(simulation: Simulation) -> bool:
 def step_error(
     run: Run, result: Result, start: tuple[np.ndarray, np.ndarray], progress: bool
 ) -> StepError | None:
-    """Error of a completed run, estimated; None if told to stop, or with a warning if it cannot be.
+    """Estimate the error of a completed run; None if told to stop, or with a warning if it fails.
 
-    A method of the order p is off by d / (2^p - 1) if twice the step changes it by d. Here p is 1,
-    or what the changes by twice and half the step say, at most 4: rattling gears have no order.
+    A method of order p has the error d 2^p / (2^p - 1) if half the step changes the result by d
+    (Richardson). 2^p is the ratio of the changes by twice and by half the step, within 2 and 16:
+    rattling gears have no order. A small change by twice the step is taken as the error itself.
     """
     try:
         coarse = _difference(run, result, start, 2.0, progress)
@@ -91,6 +92,7 @@ def step_error(
 def _difference(
     run: Run, result: Result, start: tuple[np.ndarray, np.ndarray], factor: float, progress: bool
 ) -> StepError:
+    """Distance of a run from the same with `factor` times the step."""
     simulation = run.simulation
     macro, tolerance = simulation.macro_step, simulation.tolerance
     interval = simulation.record_every * max(len(result.time) // _MOST_ROWS, 1)
@@ -125,6 +127,7 @@ def _difference(
 
 
 def _largest_distance(run: Run, result: Result, twin: Result) -> StepError:
+    """Distance of two runs over the records that they have at the same times."""
     step = run.simulation.step
     ours, theirs = (np.round(side.time / step).astype(np.int64) for side in (result, twin))
     _, rows, twin_rows = np.intersect1d(ours, theirs, return_indices=True)
@@ -136,8 +139,8 @@ def _largest_distance(run: Run, result: Result, twin: Result) -> StepError:
     for name in mechanism.gears:  # where in its play a motor rattles is no error of the motion
         mass[mechanism.motor(name)] = 0.0
 
-    def size(steps: np.ndarray) -> float:
-        return float(np.sqrt(np.einsum("ni,ij,nj->n", steps, mass, steps).max()))
+    def size(changes: np.ndarray) -> float:
+        return float(np.sqrt(np.einsum("ni,ij,nj->n", changes, mass, changes).max()))
 
     moved = max(size(q - q[0]), _LEAST_MOTION * math.sqrt(float(np.trace(mass))))
     tool = result["tool_position"].values[rows] - twin["tool_position"].values[twin_rows]

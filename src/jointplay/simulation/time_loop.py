@@ -1,4 +1,13 @@
-"""The time loop between two events: who calls Pinocchio when, and the kernels in between."""
+"""The time loop between two events: when Pinocchio is called, and the kernels in between.
+
+Pinocchio computes the dynamics of the mechanism, the kernels (compiled code) contacts and all other
+forces. Single-rate methods call Pinocchio at every stage of a step. The multi-rate method
+(`kernel.multirate`) calls it once a macro step, at the state predicted for its middle, for the
+inverse mass matrix and the acceleration without forces; with these the kernel does the micro steps.
+It chooses the lengths of macro steps by their error (`MACRO_TOLERANCE`) and ends one early where
+the state leaves the predicted path (`LARGEST_DEPARTURE`). Method and measurements:
+docs/integrators.md.
+"""
 
 from __future__ import annotations
 
@@ -20,17 +29,17 @@ if TYPE_CHECKING:
     from jointplay.simulation.run import Run
 
 LOOP_CORRECTION = 0.1
-"""Frequency of Baumgarte's stabilisation of ideal loops, times the step; of single-rate methods."""
+"""Frequency of Baumgarte's stabilisation of ideal loops times the step, in single-rate methods."""
 
 
 def moving_bodies(
     model: pin.Model, frames: Sequence[Frame]
 ) -> tuple[np.ndarray, list[CarriedFrame]]:
-    """Bodies between some frames (joints of Pinocchio's, and placements in them) and the ground.
+    """The bodies on the ways from some frames (Pinocchio joint and placement in it) to the ground.
 
     Returns:
-        Records of `layout.BODY`, the ground first, parents before their children; and by frame the
-        body that carries it, and its place in that.
+        Records of `layout.BODY`, the ground first, parents before their children; and for each
+        frame the body that carries it, with its place in that.
     """
     tree = Tree(model)
     bodies = tree.bodies
@@ -40,6 +49,7 @@ def moving_bodies(
         while body not in needed:
             needed.add(body)
             body = int(bodies.parents[body])
+    # Numbered anew among those needed; in a tree a parent's number is below its children's.
     numbers = {body: number for number, body in enumerate(sorted(needed))}
     rows = np.zeros(len(numbers), layout.BODY)
     rows["rotation"][0] = np.eye(3).ravel()
@@ -52,7 +62,7 @@ def moving_bodies(
 
 
 class TimeLoop(ABC):
-    """Steps a run from one event to the next; `constraints` are of the ideal loops."""
+    """Steps a run from one event to the next; `constraints` hold its ideal loops closed."""
 
     def __init__(self, run: Run, constraints: list[pin.RigidConstraintModel]) -> None:
         self.model, self.data = model, data = run.model, run.data
@@ -63,14 +73,14 @@ class TimeLoop(ABC):
         self._datas.extend([constraint.createData() for constraint in constraints])
         if constraints:
             pin.initConstraintDynamics(model, data, self._models, self._datas)
-        # The Python binding of pin.aba tries the form with external forces first: to give it none
-        # costs less than to leave them out.
+        # The Python binding of pin.aba tries the form with external forces first: to give it forces
+        # that are zero costs less than to leave them out.
         self._none = pin.StdVec_Force()
         self._none.extend([pin.Force.Zero()] * model.njoints)
 
     @property
     def commands(self) -> tuple[Command, ...]:
-        """One of each compiled entry that the loop calls."""
+        """A command of each compiled entry that the loop calls."""
         return (self.method.command,)
 
     def compile(self) -> None:
@@ -79,32 +89,34 @@ class TimeLoop(ABC):
 
     @abstractmethod
     def begin(self) -> None:
-        """Make ready to step from the workspace's state, or from one that an event has changed."""
+        """Make ready to step from the workspace's state, at first or after an event changed it."""
 
     @abstractmethod
     def synchronize(self) -> None:
-        """Make the workspace's state (q, v) whole, for an event that is going to change it."""
+        """Bring q and v of the workspace to one instant, for an event that will change them."""
 
     def velocity(self) -> np.ndarray:
         """Velocities at the present instant, shape (nv,)."""
         return self.workspace.v
 
     def look(self) -> None:
-        """Evaluate the present state to be read; the caller brings the workspace back to it."""
-        return None
-
-    def memory(self) -> dict[str, float]:
-        return {}
-
-    def recall(self, memory: Mapping[str, float]) -> None:
+        """Evaluate the present state to be read; the caller restores the workspace afterwards."""
         return None
 
     @abstractmethod
-    def stretch(self, steps: int, pause: int | None = None) -> bool:
-        """Do some steps, no more than `steps`; returns whether all is well.
+    def memory(self) -> dict[str, float]:
+        """State of the loop beyond the workspace, for checkpoints."""
 
-        `pause`: return at or after this step, between macro steps, if that is earlier; what follows
-        is the same as without.
+    @abstractmethod
+    def recall(self, memory: Mapping[str, float]) -> None:
+        """Restore the state that `memory` returned."""
+
+    @abstractmethod
+    def stretch(self, steps: int, pause: int) -> bool:
+        """Do at most `steps` steps; returns whether all is well.
+
+        `pause`: step at or after which it returns, between macro steps, if that is earlier; what
+        follows is the same as without.
         """
 
     @abstractmethod
@@ -112,33 +124,33 @@ class TimeLoop(ABC):
         """Record the last state."""
 
 
-# The multi-rate methods: Pinocchio once a macro step, the micro steps in compiled code.
+# The multi-rate methods.
 
 
 LONGEST_MACRO_STEP_S = 2e-4
-"""Macro steps that an error estimate chooses are no longer than this [s]."""
+"""Longest macro step that the error estimate chooses [s]."""
 LONGEST_ADAPTIVE_MACRO_STEP_S = 3e-4
-"""The same where micro steps go by their own error [s].
+"""Longest macro step where micro steps too are chosen by their error [s].
 
 SCARA, 3 s, tolerance 1e-3: the peak is 0.6 % off with 0.5 ms, 0.4 % with 0.3 ms, and 0.1 % with
 0.2 ms, which costs an eighth more than 0.3 ms.
 """
 MACRO_TOLERANCE = 1e-3
-"""Error of the acceleration drawn along a line through two macro steps, relative: what the third
-says differs from it by no more, or the next macro step is shorter.
+"""Error of a macro step above which the next one is shorter: distance of the acceleration at its
+predicted middle from the parabola through the last middles, relative.
 
 The error between the middles is a small part of that. Measured: docs/integrators.md.
 """
 LARGEST_DEPARTURE = 3.0
-"""Angle by which the state may leave the path that was predicted for a macro step, over the micro
-step [rad/s]: in proportion, so that smaller micro steps bring this error down with their own."""
+"""Angle by which the state may leave the predicted path of a macro step, over the micro step
+[rad/s]: in proportion, so that smaller micro steps bring this error down with their own."""
 LOOP_TOLERANCE = 3e-5
-"""`MACRO_TOLERANCE` with ideal loops, which drift apart by what the parabola is off."""
+"""`MACRO_TOLERANCE` with ideal loops, which drift apart by the error of the parabola."""
 USUAL_TOLERANCE = 1e-3
-"""Tolerance of micro steps to which the macro steps above belong; with less they have a smaller
-error, too, in proportion, and are no longer than by its fourth root."""
+"""Tolerance of micro steps for which the limits of macro steps above are meant. With a smaller one
+the error of macro steps shrinks in proportion, and their longest by its fourth root."""
 SHORTEST_MICRO_STEP_S = 2e-8
-"""Micro steps that go by their error are no shorter than this [s]."""
+"""Shortest micro step that is chosen by its error [s]."""
 
 _aba, _inverse, _WORLD = pin.aba, pin.computeMinverse, pin.Convention.WORLD
 
@@ -158,12 +170,14 @@ class MultiRate(TimeLoop):
         self._middle = w.middle
         self._zero = np.zeros(self.model.nv)
         self._until = run["until"]
+        # Coordinates that are angles, which limit macro steps by how far they turn.
         for joint in self.model.joints[1:]:
             if joint.nv == 1 and "P" not in joint.shortname()[len("JointModel") :][:1]:
                 w.angular[joint.idx_v] = 1.0
             if joint.shortname() == "JointModelSphericalZYX":
                 w.angular[joint.idx_v : joint.idx_v + 3] = 1.0
         self._planned_on = False
+        """Whether the next macro step is planned already, as after a pause."""
         fixed = macro_step is not None
         run["fixed"], run["unit"] = fixed, 1
         run["departure_limit"] = np.inf if fixed else LARGEST_DEPARTURE * self._dt
@@ -175,16 +189,16 @@ class MultiRate(TimeLoop):
             self._place_bodies()
 
     def shorten_macro_steps(self, factor: float) -> None:
-        """Have macro steps shorter than planned; their error falls with the square of `factor`."""
+        """Divide macro steps by `factor`; their error falls with its square."""
         run = self.workspace.run
         for name in ("longest", "suggested"):
             run[name] = max(round(int(run[name][0]) / factor), 1)
         run["tolerance"] /= factor**2
 
     def _place_bodies(self) -> None:
-        """Let the kernels know the bodies that joints and loops without clearance are reached by.
+        """Give the kernels the bodies that carry cut joints, loads between frames and ideal loops.
 
-        Where they are must be known at every micro step: no call of Pinocchio is cheap enough.
+        Their poses are needed at every micro step, for which no call of Pinocchio is cheap enough.
         """
         w = self.workspace
         sites: list[JointSite | LoadSite] = [*w.sites, *w.load_sites]
@@ -229,7 +243,7 @@ class MultiRate(TimeLoop):
     def recall(self, memory: Mapping[str, float]) -> None:
         self._planned_on = bool(memory["planned_on"])
 
-    def stretch(self, steps: int, pause: int | None = None) -> bool:
+    def stretch(self, steps: int, pause: int) -> bool:
         address, (q, v) = self.workspace.address, self._middle
         enter, advance = caller_of(self.advancing), int(self.advancing)
         model, data, zero, none = self.model, self.data, self._zero, self._none
@@ -242,7 +256,7 @@ class MultiRate(TimeLoop):
             _aba(model, data, q, v, zero, none, _WORLD)
             _inverse(model, data)
             state = enter(address, advance)
-            if state == 0 and pause is not None and self.workspace.steps >= pause:
+            if state == 0 and self.workspace.steps >= pause:
                 self._planned_on = True
                 return True
         return bool(state == REACHED)
@@ -252,10 +266,10 @@ class MultiRate(TimeLoop):
 
 
 class Adaptive(MultiRate):
-    """The multi-rate method with micro steps as long as their error allows: `kernel.adaptive`.
+    """The multi-rate method with adaptive micro steps (`kernel.adaptive`).
 
-    The simulation's tolerance is the error of the momentum that a micro step gives, relative to
-    what contacts and inertia move in it.
+    The simulation's tolerance bounds the error of a micro step's change of momentum, relative to
+    the momentum that contacts and inertia exchange in it.
     """
 
     advancing = Command.ADVANCE_ADAPTIVELY
@@ -270,7 +284,7 @@ class Adaptive(MultiRate):
         if owner.simulation.macro_step is None and tolerance < USUAL_TOLERANCE:
             less = USUAL_TOLERANCE / tolerance
             self.shorten_macro_steps(less**0.25)
-            run["tolerance"] /= less**0.5  # in proportion, with what that did
+            run["tolerance"] /= less**0.5  # with the above in proportion to the tolerance
         highest = owner.highest_frequency()
         run["longest_micro"] = STABLE_TURN / highest if highest > 0.0 else np.inf
         self.workspace.keep_copies()
@@ -310,9 +324,8 @@ class SingleRate(TimeLoop):
     def recall(self, memory: Mapping[str, float]) -> None:
         self._begun = bool(memory["begun"])
 
-    def stretch(self, steps: int, pause: int | None = None) -> bool:
-        if pause is not None:
-            steps = min(steps, max(pause - self.workspace.steps, 1))
+    def stretch(self, steps: int, pause: int) -> bool:
+        steps = min(steps, max(pause - self.workspace.steps, 1))
         enter, address = caller_of(self.method.command), self.workspace.address
         command, load = int(self.method.command), int(Command.EVALUATE_FORCES)
         dynamics, state = self._call

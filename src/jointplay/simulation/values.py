@@ -1,7 +1,7 @@
-"""The values on which a run's figures hang, each with its origin: who gave it, or which rule did.
+"""The values on which a run's figures depend, each with its origin: the user, a file or a rule.
 
-What nobody gave is assumed: by a rule, or because it is what a field has by default. An owner who
-reads the list sees what was taken for granted, and what another value would change.
+A value that nobody gave is assumed: by a rule, or as the default of its field. Who reads the list
+sees what was taken for granted.
 """
 
 from __future__ import annotations
@@ -38,12 +38,13 @@ if TYPE_CHECKING:
 def values(
     simulation: Simulation, origins: Origins | None = None, merged: bool = True
 ) -> list[Value]:
-    """The values of a run, those of several joints that are alike in one if they are `merged`.
+    """The values of a run with their origins.
 
     Args:
         simulation: the run's inputs.
-        origins: of those that were said; others were given if they differ from what a field has by
-            default, else assumed.
+        origins: origins that are known; other values count as given if they differ from the default
+            of their field, else as assumed.
+        merged: whether values that are alike in several joints stand in one row.
     """
     alike: dict[tuple[str, ...], list[str]] = {}
     origins = origins or {}
@@ -60,13 +61,13 @@ def values(
 
 
 def assumed_table(simulation: Simulation, origins: Origins) -> Table:
-    """What nobody gave, for readers; see `values`."""
+    """Table of the assumed `values`, for readers."""
     return value_table([value for value in values(simulation, origins) if value.assumed])
 
 
 def _origin(key: Key, origins: Origins, default: tuple[str, str]) -> tuple[str, str]:
-    """Who gave the value at a key: of it, of a table that it is in, of the first that is in it; of
-    a joint's drive, of the one for all.
+    """Origin of the value at a key: its own, or of the narrowest table that it is in, or of the
+    first entry below it. The drive of a joint has that of the drive for all if none of its own.
     """
     if key[0] == "drives" and key[:2] not in {at[:2] for at in origins}:
         key = ("drive", *key[2:])
@@ -78,9 +79,9 @@ def _origin(key: Key, origins: Origins, default: tuple[str, str]) -> tuple[str, 
 
 
 def of_joint(joint: Clearance, known_fields: Collection[str]) -> Iterator[tuple[str, str, bool]]:
-    """What decides a joint's numbers: field, text, and whether it is among the `known_fields`.
+    """Values that decide a joint's contacts: field, text, and whether it is in `known_fields`.
 
-    Of joints that do not slide their summary stands for all.
+    For joints whose surfaces do not slide, their summary stands for all.
     """
     if not isinstance(joint, SlidingClearance):
         yield "kind", joint.summary, True
@@ -98,17 +99,18 @@ def of_joint(joint: Clearance, known_fields: Collection[str]) -> Iterator[tuple[
     if joint.normal != LankaraniNikravesh():
         yield "normal", joint.normal.name, True
     contact = joint.contact_properties(0)
-    softer = contact._replace(restitution=0.5 * contact.restitution)
+    softer = contact._replace(restitution=0.5 * contact.restitution)  # does the law look at it?
     if joint.normal.parameters(contact) != joint.normal.parameters(softer):
         yield "restitution", f"{joint.restitution:g}", "restitution" in known
     yield "friction", _law_text(joint.friction), "friction" in known
 
 
 def _list(simulation: Simulation, origins: Origins) -> Iterator[tuple[Key, str, tuple[str, str]]]:
-    """Each value: its key, as text, and the origin that it has if none is known."""
+    """Key and text of each value, and its origin unless another is known."""
     mechanism = simulation.mechanism
     usual, given = (ASSUMED, "nobody said otherwise"), (GIVEN, "in Python")
     units = {name: entry.unit for name, entry in mechanism.description.joints.items()}
+    # The robot.
     chosen = mechanism.tool_reason
     named = origins.get(("linkage", "output"), given)
     yield ("robot", "tool"), mechanism.tool, (ASSUMED, chosen) if chosen else named
@@ -116,6 +118,7 @@ def _list(simulation: Simulation, origins: Origins) -> Iterator[tuple[Key, str, 
     if any(mechanism.gravity):
         weight = " ".join(f"{g:g}" for g in mechanism.gravity) + " m/s²"
     yield ("robot", "gravity"), weight, usual
+    # Joints with clearance, and gears.
     hinges = {name for its in mechanism.hinges.values() for name in its}
     for name, joint in mechanism.clearance.items():
         if name not in hinges:
@@ -133,6 +136,7 @@ def _list(simulation: Simulation, origins: Origins) -> Iterator[tuple[Key, str, 
             sources = gear.origins()
             of_catalogue = (SEEN, sources[field]) if field in sources else given
             yield ("gears", name, field), text, by_rule or (usual if is_default else of_catalogue)
+    # Motion and drives.
     motion = simulation.motion
     if motion is not None:
         yield ("motion",), f"{few(list(motion.joints), 2)}: {motion.summary}", given
@@ -157,6 +161,7 @@ def _list(simulation: Simulation, origins: Origins) -> Iterator[tuple[Key, str, 
                 sources = drive.origins()
                 of_catalogue = (SEEN, sources[field]) if field in sources else given
                 yield ("drives", name, field), text, usual if is_default else of_catalogue
+    # Joint friction, payloads and the start.
     friction = simulation.joint_friction
     by_robot = usual if mechanism.description.path.name == DRAWN else (FILE, "the URDF")
     for name in mechanism.joints:
@@ -173,9 +178,9 @@ def _list(simulation: Simulation, origins: Origins) -> Iterator[tuple[Key, str, 
 
 
 def _fields_of(described: Any, unit: str) -> Iterator[tuple[str, str, bool]]:
-    """Numbers and words of an object: name, text, and whether it is what the field has anyway.
+    """Numbers and words of an object: field, text, and whether it is the field's default.
 
-    `unit` is that of the joint's position, which chooses between two units of a field.
+    `unit` is that of the joint's position, which chooses between the two units of a field.
     """
     declared = fields_of(described.__class__)
     for field in fields(described):
@@ -195,7 +200,7 @@ def _fields_of(described: Any, unit: str) -> Iterator[tuple[str, str, bool]]:
 
 
 def _law_text(law: FrictionLaw) -> str:
-    """Name of a law, and its first number, which is the coefficient."""
+    """Name of a friction law with its first parameter, the coefficient."""
     name = next(iter(fields_of(law.__class__)), "")
     first = getattr(law, name, None)
     return f"{law.name} {name} {first:g}" if isinstance(first, float) else law.name

@@ -1,4 +1,4 @@
-"""Where a run that is not finished keeps what it has so far."""
+"""The files beside a result in which an unfinished run keeps its records and its checkpoint."""
 
 from __future__ import annotations
 
@@ -7,19 +7,20 @@ from pathlib import Path
 from jointplay.base import files
 
 CHECKPOINT = b"jointplay checkpoint 4\n"
-"""How a checkpoint begins."""
+"""First bytes of a checkpoint."""
 RECORDS = b"jointplay records 1 "
-"""How a file of records begins; then the run's own name and a line end."""
+"""First bytes of a file of records; then come the run's own name and a line end."""
 
 
 def working_paths(path: Path) -> tuple[Path, Path]:
-    """Where the records and the checkpoint of the run are whose result goes to `path`."""
+    """Paths of the records and of the checkpoint of the run whose result goes to `path`."""
     return path.with_suffix(".records"), path.with_suffix(".checkpoint")
 
 
 def check_own(path: Path) -> None:
-    """Refuse files of others where the run whose result goes to `path` would keep what it has: only
-    what begins as ours does is ever replaced or deleted.
+    """Refuse files of others where the run whose result goes to `path` would keep its own.
+
+    Only files that begin with our marks are ever replaced or deleted.
     """
     records, checkpoint_path = working_paths(path)
     files.check_own(records, RECORDS, "file of records")
@@ -27,7 +28,7 @@ def check_own(path: Path) -> None:
 
 
 def remove(path: Path) -> None:
-    """Delete what the run kept whose result is in `path`; files of others stay."""
+    """Delete the working files of the run whose result is in `path`; files of others stay."""
     records, checkpoint_path = working_paths(path)
     files.remove_own(records, RECORDS)
     files.remove_own(checkpoint_path, CHECKPOINT)

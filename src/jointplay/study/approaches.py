@@ -1,10 +1,10 @@
-"""Cycles of an arm with play in its gears, whose places are reached anew in three ways.
+"""Approaches to a stop: cycles of an arm with play in its gears, its stops reached in three ways.
 
-What differs from cycle to cycle is drawn from its seed: the sides from which joints arrive, on
-which flank teeth lie at the start, dry friction, and the reading of encoders within a count; dead
-bands and friction do the rest, and hold where the joint stops, as real friction does. A stop is
-reached from any side, always from one, or from any side by a motion that `accuracy.compensate`
-corrected.
+What differs from cycle to cycle is drawn from the cycle's seed: the sides from which joints arrive,
+the flank on which teeth lie at the start, dry friction, and the reading of encoders within a count.
+Dead bands and friction do the rest; as in reality, friction holds a joint where it stops. A stop is
+reached from any side, always from the same side, or from any side by a motion that
+`accuracy.compensate` has corrected.
 """
 
 from __future__ import annotations
@@ -29,26 +29,28 @@ from jointplay.simulation.prepare import joint_friction
 from jointplay.simulation.simulation import Simulation
 
 FRICTION = 0.2
-"""Part by which dry friction differs from cycle to cycle, either way (judged)."""
+"""Relative variation of dry friction from cycle to cycle, either way (judged)."""
 
 PRESLIDING, RIGID_PRESLIDING = 0.02, 1e-4
-"""Bend of the bristles by which known friction holds, in plays, and of a joint without play in rad
-or m (judged: small against what friction leaves)."""
+"""Presliding displacement of known friction, by which it holds a joint at rest: in plays, and for a
+joint without play in rad or m (judged: small against the error that friction leaves)."""
 
 APPROACH_FACTOR = 3.0
-"""How far beside a stop a joint turns round, in all that play, dead band and friction may leave
-(judged); at least `LEAST_APPROACH` [rad or m]."""
+"""Distance from a stop at which a joint turns round to approach it, as a multiple of the error that
+play, dead band and friction may leave (judged)."""
 LEAST_APPROACH = 2e-3
+"""Least such distance [rad or m]."""
 
 APPROACH_S, DWELL_S = 0.25, 0.5
-"""Time of the last motion to a stop (judged), and of the stop, as in `cube_motion` [s]."""
+"""Duration of the approach to a stop (judged), and of the stop, as in `cube_motion` [s]."""
 
 REST_S = 1.0
-"""Rest before a path, in which teeth fall to their sides and come to rest (judged: those of an AR4
-have in 0.6 s) [s]."""
+"""Rest before a path, in which teeth fall to one side and come to rest (judged: those of an AR4
+need 0.6 s) [s]."""
 
 NO_WEIGHT = 1e-3
-"""Torque of weight, relative to the largest of all joints, that presses nothing (judged)."""
+"""Torque of gravity, relative to the largest of all joints, below which it presses no teeth
+(judged)."""
 
 ANY_SIDE, ONE_SIDE, COMPENSATED = "from any side", "from one side", "compensated"
 APPROACHES = (ANY_SIDE, ONE_SIDE, COMPENSATED)
@@ -56,19 +58,19 @@ APPROACHES = (ANY_SIDE, ONE_SIDE, COMPENSATED)
 
 @dataclass(frozen=True)
 class Approaches:
-    """Where an arm stops, and what its cycles are run with."""
+    """Makes the cycles of an arm: motions that reach its stops by given approaches."""
 
     simulation: Simulation
-    """The cycle that is asked about."""
+    """The cycle as the user gave it."""
 
     @property
     def _stops(self) -> list[Stop]:
-        """Rests, that at its start first."""
+        """Rests of the motion, that at its start first."""
         return [stop for stop in stops(self._motion, self._motion.duration) if stop.at_rest]
 
     @property
     def targets(self) -> np.ndarray:
-        """Where its joints stop, after its start (stops, joints) [rad or m]."""
+        """Positions of the joints at the stops after the start (stops, joints) [rad or m]."""
         return self._motion(np.array([stop.end for stop in self._stops[1:]]))[0]
 
     @property
@@ -78,14 +80,16 @@ class Approaches:
 
     @property
     def _times(self) -> np.ndarray:
-        """When the last way to each stop begins, ends, and the stop (stops, 3) [s]."""
+        """Times at which the approach to each stop begins and ends, and the stop ends, shape
+        (stops, 3) [s]; the moves before them take as long as in the user's motion.
+        """
         durations = [after.start - before.end for before, after in pairwise(self._stops)]
         ends = np.cumsum([duration + APPROACH_S + DWELL_S for duration in durations])
         return ends[:, None] - np.array([APPROACH_S + DWELL_S, DWELL_S, 0.0])
 
     @property
     def stop_ends(self) -> np.ndarray:
-        """When stops end (stops,) [s]."""
+        """Times at which stops end (stops,) [s]."""
         return self._times[:, 2]
 
     @property
@@ -93,7 +97,11 @@ class Approaches:
         return dict(assign(self.simulation.mechanism, self._motion, self.simulation.drive))
 
     def _approach_distances(self) -> np.ndarray:
-        """How far beside its stop each joint turns round (joints,) [rad or m]."""
+        """Distance from its stop at which each joint turns round (joints,) [rad or m].
+
+        Lost motion is twice the servo's dead band and the error at which its torque overcomes
+        friction, plus the gear's play.
+        """
         gears, distances = self.simulation.mechanism.gears, []
         for name in self._motion.joints:
             drive, lost_motion = self._drives[name], 0.0
@@ -104,10 +112,11 @@ class Approaches:
         return np.array(distances)
 
     def _motion_from(self, sides: np.ndarray) -> Motion:
-        """The motion through all stops, each reached from these sides (stops, joints)."""
+        """The motion through all stops, each approached from these sides, +-1 (stops, joints)."""
         motion, targets = self._motion, self.targets
         reversals = targets + sides * self._approach_distances()
         for k, name in enumerate(motion.joints):
+            # Where the joint would turn round beyond its limits, it comes from the other side.
             joint = self.simulation.mechanism.description.joints.get(name)
             low, high = (joint.lower, joint.upper) if joint else (None, None)
             outside = np.zeros(len(targets), bool)
@@ -121,7 +130,7 @@ class Approaches:
         return Motion(motion.joints, times, np.array(rows), "rest-to-rest")
 
     def rested(self) -> Simulation:
-        """The cycle itself, after a rest if it moves from rest to rest."""
+        """The user's cycle, for its path; delayed by a rest if it moves from rest to rest."""
         motion, duration = self._motion, self.simulation.duration
         if motion.interpolation != "rest-to-rest":
             return self.simulation
@@ -132,7 +141,7 @@ class Approaches:
         return replace(self.simulation, motion=delayed, duration=duration, judge_from=REST_S)
 
     def reference(self) -> Simulation:
-        """A cycle by which others are judged, its machine to be made ideal."""
+        """The cycle with which others are compared, once its machine is made ideal."""
         return self._with_motion(self._motion_from(np.ones_like(self.targets)))
 
     def _with_motion(self, motion: Motion, **changes: Any) -> Simulation:
@@ -142,8 +151,9 @@ class Approaches:
         """The cycle of a seed, its stops reached by one of `APPROACHES`.
 
         Raises:
-            JointplayError: nothing can be compensated, or not within limits.
+            JointplayError: the motion cannot be compensated, or not within limits.
         """
+        # The draws do not depend on the approach: cycles of one seed differ in it alone.
         random, joints, drives = np.random.default_rng(seed), self._motion.joints, self._drives
         sides = random.choice([-1.0, 1.0], self.targets.shape)
         motion = self._motion_from(sides if approach != ONE_SIDE else np.ones_like(sides))
@@ -151,6 +161,7 @@ class Approaches:
             motion = compensate(self._with_motion(motion)).motion
         offsets = random.uniform(-0.5, 0.5, len(joints))
         factors = 1.0 + FRICTION * random.uniform(-1.0, 1.0, len(joints))
+        # Friction of joints and motors is scaled, and given bristles, by which it holds at rest.
         losses, shift = dict(joint_friction(self.simulation)), np.zeros(len(joints))
         for k, name in enumerate(joints):
             gear = self.simulation.mechanism.gears.get(name)
@@ -168,13 +179,14 @@ class Approaches:
                 presliding = servo.presliding or (bend if friction else 0.0)
                 drives[name] = replace(servo, friction=friction, presliding=presliding)
                 shift[k] = offsets[k] * servo.resolution
+        # An encoder that reads an offset within a count: the whole motion is shifted by it.
         times, rows = motion.waypoints
         shifted = Motion(joints, times, rows + shift, motion.interpolation)
         return self._with_motion(shifted, drive=drives, joint_friction=losses, seed=seed)
 
     @property
     def _pressed(self) -> list[str]:
-        """Joints whose teeth weight presses to the same side at all stops, against friction."""
+        """Joints whose teeth gravity presses to the same side at all stops, against friction."""
         robot, joints = self.simulation.mechanism, self._motion.joints
         bodies = loaded(robot.model, self.simulation.payloads, 0.0)
         data, columns = bodies.createData(), [robot.coordinate(name) for name in joints]
@@ -191,7 +203,7 @@ class Approaches:
 
     @property
     def causes(self) -> list[str]:
-        """What differs from cycle to cycle, and what is not known of the machine, in words."""
+        """Notes on what differs from cycle to cycle, and on what is unknown of the machine."""
         drives, losses = self._drives, joint_friction(self.simulation)
         loose = [n for n, gear in self.simulation.mechanism.gears.items() if gear.play]
         joints_by_cause: Mapping[str, Sequence[str]] = {
@@ -233,7 +245,9 @@ class Approaches:
 
 
 def applies(simulation: Simulation) -> bool:
-    """Whether it is an arm with play in gears that stops somewhere, and can be led there anew."""
+    """Whether these cycles can be made: an arm with play in gears that stops on its way, without
+    loops, payloads that change, or a motion that does not end.
+    """
     motion, mechanism = simulation.motion, simulation.mechanism
     if motion is None or motion.interpolation in GOES_ON or mechanism.loops:
         return False
@@ -249,13 +263,16 @@ def applies(simulation: Simulation) -> bool:
 def planned(
     simulation: Simulation, cycles: int
 ) -> tuple[Approaches, dict[str, list[Simulation]], list[str]]:
-    """The arm, its cycles by approach, and notes on them."""
+    """The arm, its cycles by approach, and notes on them.
+
+    Compensated cycles are left out, with a note, where the motion cannot be compensated.
+    """
     arm, first = Approaches(simulation), 1 if simulation.seed is None else simulation.seed
     seeds, notes = range(first, first + cycles), arm.causes
     plans = {side: [arm.cycle(seed, side) for seed in seeds] for side in (ANY_SIDE, ONE_SIDE)}
     try:
         if simulation.mechanism.clearance:
-            raise JointplayError("of journals see jointplay compensate")
+            raise JointplayError("for journals see jointplay compensate")
         plans[COMPENSATED] = [arm.cycle(seed, COMPENSATED) for seed in seeds]
         undecided = compensate(arm.reference()).undecided_stops
     except JointplayError as error:

@@ -24,7 +24,7 @@ _SOURCES = {
     "from": ("to", "number", "spacing"),
     "distribution": ("from", "to", "mean", "std", "median", "sigma", "mode", "fit"),
 }
-"""Keys of an axis of which there is one, and those that go with it."""
+"""Keys of which an axis has exactly one, with the keys that may go with it."""
 MOST_VALUES = 1_000_000
 """Most values of one axis."""
 DISTRIBUTIONS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
@@ -35,22 +35,22 @@ DISTRIBUTIONS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "triangular": (("from", "mode", "to"), ()),
     "fit": (("fit",), ()),
 }
-"""Distributions, and the keys that each needs and may have: `sigma` is that of the logarithm, `fit`
-one by ISO 286-1, whose radial clearances are drawn."""
+"""Distributions, with the keys that each needs and may have: `sigma` is that of the logarithm;
+`fit` draws the radial clearances of a fit by ISO 286-1."""
 
 
 @dataclass(frozen=True)
 class Axis:
-    """Values that take turns at some keys of the scenario.
+    """The values that one or several keys of the scenario take over a sweep.
 
     Attributes:
-        name: of the dimension, or of the sampled quantity.
+        name: name of the dimension, or of the sampled quantity.
         keys: paths of the keys; empty for variants.
-        values: what is put there, one after the other; tables of changes for variants; empty for a
+        values: values set there, one after the other; tables of changes for variants; empty for a
             distribution.
-        coordinate: the same as numbers in SI, or as text.
+        coordinate: the values as numbers in SI, or as text.
         unit: SI unit of the coordinate, empty for pure numbers and text.
-        quantile: function of probabilities that gives values in SI, of a distribution.
+        quantile: quantile function of a distribution: probabilities to values in SI; else None.
     """
 
     name: str
@@ -66,10 +66,11 @@ class Axis:
 
 
 def read(name: str, table: Any) -> Axis:
-    """The axis that a table of the scenario, or a list of values of the key `name`, describes.
+    """Read an axis from a table of the scenario, or from a list of values of the key `name`.
 
     Raises:
-        JointplayError: keys that do not exist, values that are none, words that contradict.
+        JointplayError: keys that do not exist, values of the wrong kind, keys that exclude each
+            other.
     """
     if isinstance(table, np.ndarray):
         table = table.tolist()
@@ -77,12 +78,13 @@ def read(name: str, table: Any) -> Axis:
         table = {"values": list(table)}
     if not isinstance(table, Mapping):
         raise JointplayError(f"{toml_text(table)} is not an axis; give a list of values or a table")
+    # Which of the sources of values it has, and only keys that go with that one.
     fields = [*_KEYS, *dict.fromkeys(w for s, f in _SOURCES.items() for w in (s, *f))]
     for field in table:
         if field not in fields:
             raise JointplayError(unknown_key(str(field), fields))
     sources = [field for field in _SOURCES if field in table]
-    if "distribution" in sources:
+    if "distribution" in sources:  # which takes `from` as a bound
         sources = ["distribution"]
     if len(sources) != 1:
         present = " and ".join(sources) or "none"
@@ -158,7 +160,7 @@ def _list(name: str, keys: tuple[Key, ...], values: Any, units: tuple[str, ...] 
 
 
 def _coordinate(values: Sequence[Any], units: tuple[str, ...] | None) -> tuple[np.ndarray, str]:
-    """Numbers in SI and their unit if all values are quantities, else text."""
+    """Values as numbers in SI and their unit, if all are quantities; else as text, without one."""
     if units is not None:
         try:
             quantities = [convert(value, *units) for value in values]
@@ -177,7 +179,7 @@ def _coordinate(values: Sequence[Any], units: tuple[str, ...] | None) -> tuple[n
 
 
 def value_label(value: Any) -> str:
-    """A value of a list as a label: tables too are told apart."""
+    """Label of a value in a list; different tables have different labels."""
     if isinstance(value, Mapping):
         return "{" + ", ".join(f"{k} = {value_label(v)}" for k, v in value.items()) + "}"
     return toml_text(value)
@@ -193,7 +195,7 @@ def _number(table: Mapping[str, Any], field: str, units: tuple[str, ...] | None)
 
 
 def _unit(table: Mapping[str, Any], fields: Sequence[str], units: tuple[str, ...] | None) -> str:
-    """The SI unit in which the first of `words` that has one is given."""
+    """SI unit of the first of `fields` that is given with one."""
     if units is None or len(units) == 1:
         return units[0] if units else ""
     symbols = [convert(table[field], *units).unit for field in fields if field in table]
@@ -256,7 +258,7 @@ def _distribution(
 
 def _fit(table: Mapping[str, Any], units: tuple[str, ...]) -> Fit:
     if units != ("m",):
-        raise JointplayError("clearances of a fit are lengths, and the key is none")
+        raise JointplayError("clearances of a fit are lengths, but the key takes no length")
     if "fit" not in table:
         raise JointplayError('the key fit is missing; give one such as "20H7/g6"')
     fit = Fit(table["fit"])
@@ -281,26 +283,26 @@ def _frozen(kind: str, numbers: Mapping[str, float]) -> Any:
     return stats.truncnorm(*limits, loc=numbers["mean"], scale=numbers["std"])
 
 
-# Points of the unit cube that samples of distributions are made of.
+# Points in the unit cube, from which the distributions' quantile functions make samples.
 
 
 METHODS = ("sobol", "latin-hypercube", "random", "saltelli")
-"""`saltelli` is the design that Sobol indices are reckoned from: n (d + 2) points."""
+"""Sampling methods; `saltelli` is the design for Sobol indices: n (d + 2) points."""
 GROWING = ("sobol", "random", "saltelli")
-"""Methods whose first points stay when more are asked for."""
+"""Methods whose first points stay the same when more are asked for."""
 MOST_SAMPLES = 10_000_000
-"""Of a sweep: their points take a gigabyte for ten axes."""
+"""Most samples of a sweep: their points take a gigabyte for ten axes."""
 _INSIDE = 1e-12
-"""No point is nearer to a face of the cube, where a normal distribution is infinite."""
+"""Least distance of a point from the cube's faces, where a normal distribution is infinite."""
 
 
 def points(method: str, samples: int, dimensions: int, seed: int) -> np.ndarray:
     """Points in the unit cube, shape (rows, dimensions); the same for the same arguments.
 
-    Of `saltelli`, `samples` are those of the base.
+    With `saltelli`, `samples` counts the base points, each of which gives `dimensions` + 2 rows.
 
     Raises:
-        JointplayError: no such method, or a number of samples that makes no sense.
+        JointplayError: no such method, or a number of samples out of range.
     """
     if method not in METHODS:
         raise JointplayError(one_of("sampling", method, METHODS))
@@ -309,7 +311,7 @@ def points(method: str, samples: int, dimensions: int, seed: int) -> np.ndarray:
     from scipy.stats import qmc  # which takes half a second that workers need not spend
 
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)  # of numbers that are no powers of two
+        warnings.simplefilter("ignore", UserWarning)  # Sobol sequences: no power of two
         if method == "saltelli":
             design = _saltelli(samples, dimensions, seed)
         elif method == "random":
@@ -322,7 +324,11 @@ def points(method: str, samples: int, dimensions: int, seed: int) -> np.ndarray:
 
 
 def _saltelli(samples: int, dimensions: int, seed: int) -> np.ndarray:
-    """Blocks of d + 2 points: one of A, d with a column of B, one of B (Saltelli et al. 2010)."""
+    """Saltelli's design for two base samples A and B (Saltelli et al. 2010).
+
+    A block for each base point has d + 2 rows: that of A, d times that of A with one column of B,
+    and that of B.
+    """
     if samples & (samples - 1):
         raise JointplayError(f"samples must be a power of two with saltelli, got {samples}")
     from scipy.stats import qmc

@@ -1,9 +1,9 @@
-"""At which poses servos shake, and which P gain is calm at each.
+"""Calm poses: where servos shake, and the largest P gain that is calm at each pose.
 
-A joint is put to several positions over its limits, the others held as they are: what differs is
+A joint is put at several positions over its limits, the others held as they are: what differs is
 the weight that presses its teeth to one side, and the inertia that it moves. Positions alike in
-both are run once. Each is released as `hunting` does; where the verdict changes from one position
-to the next, the edge between is sought.
+both are run once. At each, the joint is released as in `hunting`; where the verdict changes from
+one position to the next, the edge between them is found by halving.
 """
 
 from __future__ import annotations
@@ -27,18 +27,20 @@ from jointplay.study.released import Axis, released
 from jointplay.study.swings import QUIET, Swing
 
 LIKENESS = 0.02
-"""Part of the weight's torque, or inertia, by which positions alike may differ (judged)."""
+"""Relative difference of the weight's torque, or of inertia, up to which positions count as alike
+(judged)."""
 
 NO_LOAD = 1e-3
-"""Torque of weight that is none [N m or N] (judged)."""
+"""Difference of the weight's torque that is always negligible [N m or N] (judged)."""
 
 HALVINGS = 4
-"""Of the interval between two positions: an edge is known to a sixteenth of it, with 7 over a turn
-to 4 deg."""
+"""Halvings of the interval between two positions: an edge is known to a sixteenth of it, which is
+4 deg with 7 positions over a turn."""
 
 FACTOR, TRIES, BETWEEN = 2.0, 3, 3
-"""By what, and how often, a gain is raised or lowered until the verdict changes, from an eighth to
-eight times; how often the factor between two is halved then: 2^(1/8), 9 %, is left."""
+"""Search for the calm gain: factor by which a gain is raised or lowered until the verdict changes,
+how often at most (from an eighth to eight times), and how often the interval that is left is then
+halved, geometrically: to a factor of 2^(1/8), 9 %."""
 
 
 @dataclass
@@ -46,16 +48,16 @@ class Position:
     """A joint at one of its positions."""
 
     value: float
-    """[rad or m]"""
+    """Position of the joint [rad or m]."""
     axis: Axis
     swing: Swing = QUIET
-    """The largest of all starts."""
+    """The largest swing over all starts."""
     control: Swing = QUIET
-    """Likewise without play."""
+    """The largest swing over all starts without play."""
     calm_gain: float | None = None
     """Largest P gain at which all starts came to rest [V/rad or V/m]; None: none of those tried."""
     shaking_gain: float | None = None
-    """Smallest one tried above it at which it hunts or is unclear; None: none."""
+    """Smallest P gain tried above it at which the joint hunts or is unclear; None: none."""
 
     @property
     def verdict(self) -> str:
@@ -66,12 +68,12 @@ class Position:
 
 @dataclass
 class Calm:
-    """A joint over its positions, in their order."""
+    """Verdicts on one joint over its positions, in ascending order."""
 
     joint: str
     positions: list[Position]
     edges: list[tuple[float, bool]] = field(default_factory=list)
-    """Where it becomes calm (True) or no longer is, in order [rad or m]."""
+    """Positions at which it becomes calm (True) or ceases to be (False), in order [rad or m]."""
 
     def _text(self, value: float) -> str:
         return f"{1e3 * value:.3g} mm" if self._slides else f"{math.degrees(value):.3g} deg"
@@ -82,7 +84,7 @@ class Calm:
 
     @property
     def largest(self) -> float | None:
-        """P gain that is calm at all positions; None: none of those tried is."""
+        """Largest P gain that is calm at all positions; None: none of those tried is."""
         gains = [position.calm_gain for position in self.positions]
         return None if None in gains else min(gain for gain in gains if gain is not None)
 
@@ -94,7 +96,7 @@ class Calm:
         if len(kinds) == 1:
             (kind,) = kinds
             return f"{self.joint} {'shakes' if kind == 'shakes' else 'is unclear'} at every pose"
-        unclear = " (elsewhere a longer --time must tell)" * ("unclear" in kinds)
+        unclear = " (elsewhere unclear: try a longer --time)" * ("unclear" in kinds)
         begin, parts = "" if self.positions[0].verdict == "calm" else None, []
         for edge, calm in self.edges:
             if calm:
@@ -108,7 +110,7 @@ class Calm:
 
     @property
     def advice(self) -> str:
-        """What to do, in a line."""
+        """What to do about it, in one line: a P gain, or other remedies."""
         servo, largest = self.positions[0].axis.drive, self.largest
         assert isinstance(servo, Servo)
         amplitude = max(position.swing.amplitude for position in self.positions)
@@ -148,15 +150,16 @@ def calm(
 
     Args:
         simulation, joints, pose, longest, jobs, keep, progress: see `hunting`.
-        positions: of each joint, evenly over its limits, over a turn if it has none.
+        positions: number of positions of each joint, evenly over its limits, or over a turn if it
+            has none.
 
     Raises:
-        JointplayError: see `hunting`; a joint that slides without limits, no servo.
+        JointplayError: see `hunting`; a sliding joint without limits; no servo.
     """
     require_whole("poses", positions, 2, 200)
     axes = [axis for axis in released(simulation, joints, pose) if isinstance(axis, Axis)]
     if not axes:
-        raise JointplayError("poses are of servos; controllers of your own are looked at as posed")
+        raise JointplayError("poses are varied for servos; own controllers run at one pose only")
     results = []
     for axis in axes:
         entry = simulation.mechanism.description.joints[axis.joint]
@@ -184,7 +187,10 @@ def _axis(simulation: Simulation, joint: str, pose: Mapping[str, float] | None, 
 
 
 def _kinds(positions: Sequence[Position]) -> list[list[Position]]:
-    """Positions of joints whose servos and gears are the same, with like inertia and weight."""
+    """Groups of positions with the same gear, servo and friction, and like inertia and weight.
+
+    The sign of the weight does not matter, by symmetry.
+    """
     kinds: list[list[Position]] = []
     for position in positions:
         for kind in kinds:
@@ -205,7 +211,10 @@ def _kinds(positions: Sequence[Position]) -> list[list[Position]]:
 
 
 class _Gains:
-    """Verdicts of axes, and the largest P gain at which each is calm."""
+    """Searches the largest P gain at which each axis is calm, for all axes at once.
+
+    `loose` and `tight` are the swings at the present gains with play and without.
+    """
 
     def __init__(self, axes: Sequence[Axis], search: Search) -> None:
         self.axes, self.search = axes, search
@@ -216,6 +225,7 @@ class _Gains:
         gains = [(axis.gains["p_gain"], s) for axis, s in zip(axes, self.loose, strict=True)]
         self.calm_gains = [gain if swing == QUIET else None for gain, swing in gains]
         self.shaking_gains = [None if swing == QUIET else gain for gain, swing in gains]
+        # Away from the present gain until calm and shaking enclose the limit, then between them.
         for _ in range(TRIES):
             self._try(list(map(_outward, self.calm_gains, self.shaking_gains, axes)))
         for _ in range(BETWEEN):
@@ -223,7 +233,7 @@ class _Gains:
             self._try([None if q is None or s is None else math.sqrt(q * s) for q, s in both])
 
     def _try(self, gains: Sequence[float | None]) -> None:
-        """One gain of each axis, or none."""
+        """Run each axis with its gain, unless that is None, and narrow the axis' bracket."""
         gain_by_index = {k: gain for k, gain in enumerate(gains) if gain is not None}
         axes = [self.axes[k].with_gains(p_gain=gain) for k, gain in gain_by_index.items()]
         swings = self.search.axis_swings(axes, True)
@@ -235,9 +245,9 @@ class _Gains:
 def _judge(
     positions: Sequence[Position], search: Callable[[ProgressBar], Search], progress: bool
 ) -> None:
-    """Verdicts of all positions, and their largest calm gain."""
+    """Set the verdict and the calm gain of all positions, by one run of each group of like ones."""
     kinds = _kinds(positions)
-    # With play, without it, and the gains that `_Gains` tries at most.
+    # Runs with play, without it, and with the gains that `_Gains` tries at most.
     total = len(STARTS) * len(kinds) * (2 + TRIES + BETWEEN)
     with ProgressBar(disable=not progress, unit="run", total=total) as bar:
         gains = _Gains([kind[0].axis for kind in kinds], search(bar))
@@ -248,7 +258,7 @@ def _judge(
 
 
 def _outward(calm_gain: float | None, shaking_gain: float | None, axis: Axis) -> float | None:
-    """The next gain to be tried, up from one that is quiet, or down from one that is not."""
+    """The next gain to try: up from a calm one, down from a shaking one; None: nothing to try."""
     if calm_gain is not None and shaking_gain is not None:
         return None
     servo = axis.drive
@@ -264,7 +274,7 @@ def _edges(
     simulation: Simulation, pose: Mapping[str, float] | None, results: Sequence[Calm],
     search: Callable[[ProgressBar], Search], progress: bool,
 ) -> None:  # fmt: skip
-    """Where verdicts change, by halving between two positions; the calm end is taken."""
+    """Find the edges between calm and other positions by halving; takes the calm end of each."""
     brackets = [
         (joint, [a.value, b.value], a.verdict == "calm")
         for joint in results
@@ -288,13 +298,15 @@ def _edges(
 
 
 def _register(drive: Servo | Controller, gain: float | None) -> int | None:
-    """Value of the P register that is no more than a gain; None: its unit is not known."""
+    """Largest value of the P register, at least 1, whose gain is no more than `gain`; None: its
+    unit is unknown.
+    """
     unit = drive.register if isinstance(drive, Servo) else None
     return None if unit is None or gain is None else max(math.floor(gain / unit[0] + 1e-6), 1)
 
 
 def table(results: Sequence[Calm]) -> Table:
-    """A row for each joint and position."""
+    """Table with a row for each joint and position."""
     joints = [result.joint for result in results for _ in result.positions]
     positions = [position for result in results for position in result.positions]
     unit = UNITS["p_gain"]

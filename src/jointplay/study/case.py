@@ -1,4 +1,4 @@
-"""One case of a sweep, run in a process that keeps what the next one can use."""
+"""One case of a sweep, run in a process that keeps what the next cases can use."""
 
 from __future__ import annotations
 
@@ -43,18 +43,18 @@ from jointplay.study.outcome import DONE, FAILED, Index, Outcome
 from jointplay.study.sweep_plan import SweepPlan
 
 Case = tuple[Index, Mapping[str, Any]]
-"""A case of a sweep, and what is changed for it."""
+"""A case of a sweep: its index, and the changes of the scenario."""
 KEPT_IDEALS = 16
-"""Ideal runs that a process remembers for the tool errors of the cases to come."""
+"""Runs of ideal mechanisms that a process keeps for the tool errors of later cases."""
 _SETTINGS = ("step", "integrator", "macro_step", "tolerance", "record_every", "duration")
-"""Of a run, with which its ideal run is made as well."""
+"""Settings of a run that its ideal run shares."""
 LONGEST_ERROR = 500
-"""Characters of a failed case's message that are kept."""
+"""Most characters of a failed case's message that are kept."""
 
 
 @dataclass(frozen=True)
 class Job:
-    """What a process must know of a sweep to run its cases; it travels between machines."""
+    """All that a process needs to run cases of a sweep; it is sent between machines."""
 
     text: str
     path: str
@@ -67,11 +67,11 @@ class Job:
     tool_error: bool
     version: str
     inputs: Mapping[str, str] | None = None
-    """Texts of the files that the scenario names, where they cannot be reached; see `SweepPlan`."""
+    """Texts of the files that the scenario names, by name, for processes that cannot read them."""
 
 
 def job(plan: SweepPlan, send_files: bool = False) -> Job:
-    """What processes must know of a sweep; with `send_files` those without its folder too."""
+    """The job of a sweep; `send_files` includes the files, for processes without its folder."""
     scenario = plan.scenario
     path = scenario.path.name if send_files else str(scenario.path.absolute())
     of_plan = plan.measures, plan.results, plan.start, plan.tool_error, versions()["jointplay"]
@@ -107,12 +107,16 @@ class Bench:
         self._rests: tuple[Motion | None, float, tuple[float, ...]] | None = None
 
     def _unpack(self, inputs: Mapping[str, str], folder: Path) -> Path:
-        """Write the files into a folder of this process; their places are kept apart."""
+        """Write the files into a folder of this process, and note the new path of each.
+
+        Each has a folder of its own, as names may be the same; modules are together, as they may
+        import each other.
+        """
         for number, (name, text) in enumerate(inputs.items()):
             if name.startswith(PREFIXES):
                 continue
             path = folder / Path(name).name
-            if path.suffix == ".xacro":  # what it was expanded to
+            if path.suffix == ".xacro":  # its text is what it was expanded to
                 path = path.with_suffix(".urdf")
             if not name.endswith(".py"):
                 path = folder / str(number) / path.name
@@ -122,7 +126,7 @@ class Bench:
         return folder
 
     def run(self, index: Index, changes: Mapping[str, Any]) -> Outcome:
-        """Run a case; what goes wrong with it is part of the outcome."""
+        """Run a case; an error is part of the outcome."""
         began = time.process_time()
         values: dict[str, float] = {}
         packed = None
@@ -138,13 +142,14 @@ class Bench:
         return Outcome(index, status, values, self._portable(message)[:LONGEST_ERROR], packed)
 
     def _portable(self, text: str) -> str:
-        """An error in a line, with the names that files have in the scenario, wherever it ran."""
+        """An error in one line, with files named as in the scenario, on whatever machine it ran."""
         for name, path in self._names.items():
             text = text.replace(path, name)
         folder = str(self.scenario.path.parent)
         return " ".join(text.replace(f"{folder}{os.sep}", "").split())
 
     def simulation(self, changes: Mapping[str, Any]) -> Simulation:
+        """The simulation of a case."""
         if self._names:
             changes = self._relocated(changes)
         simulation = self.scenario.simulation(self.job.case, changes)
@@ -153,6 +158,7 @@ class Bench:
         return simulation
 
     def _relocated(self, changes: Mapping[str, Any]) -> dict[str, Any]:
+        """Changes of a case that also lead to the files where this process has written them."""
         tables = dict(changes)
         data = self.scenario.data(self.job.case)
         for table, key in (("robot", "urdf"), ("motion", "file")):
@@ -165,7 +171,8 @@ class Bench:
         simulation = self.simulation(changes)
         integration = {**self._integration, **changes.get("integration", {})}
         certify = bool(integration.get("certify"))
-        complete = certify or self.measures or self.job.results  # measures may read anything
+        # All histories are recorded only where something reads them; the user's measures may.
+        complete = certify or self.measures or self.job.results
         only = None if complete else needed(simulation)
         result = simulation.run(certify=certify, estimate=False, only=only)
         if result.status != Status.COMPLETED:
@@ -189,13 +196,13 @@ class Bench:
         return values, netcdf.pack(result.dataset) if self.job.results else None
 
     def _rests_of(self, motion: Motion | None, end: float) -> tuple[float, ...]:
-        """Times at which the reference stands still; of one motion they are looked up once."""
+        """Times at which the reference stands still; remembered for the last motion."""
         if self._rests is None or self._rests[0] is not motion or self._rests[1] != end:
             self._rests = motion, end, rests_of(motion, end)
         return self._rests[2]
 
     def _ideal(self, result: Result, simulation: Simulation) -> Result:
-        """The ideal mechanism's run of the same work; the run itself, if it is that."""
+        """The ideal mechanism's run of the same task; the result itself if that is ideal."""
         if not result.joints and not simulation.mechanism.gears:
             return result
         inputs = task(result)
@@ -218,12 +225,12 @@ _turns = threading.Lock()
 
 
 def run_case(work: Job, case: Case) -> Outcome:
-    """Run a case in this process, which remembers the sweep until it gets another.
+    """Run a case in this process, which keeps its `Bench` until it is given another sweep.
 
     Raises:
         JointplayError: the sweep cannot be run here; see `Bench`.
     """
-    with _turns:  # threads of a cluster's worker take turns
+    with _turns:  # a cluster's worker may have several threads
         if not _benches or _benches[0].job != work:
             _benches[:] = [Bench(work)]
         return _benches[0].run(*case)

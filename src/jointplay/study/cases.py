@@ -1,4 +1,4 @@
-"""The cases of a scenario run into a folder: all made ready first, then several at a time."""
+"""Runs of a scenario's cases into a folder: all are prepared first, then run several at a time."""
 
 from __future__ import annotations
 
@@ -26,31 +26,30 @@ if TYPE_CHECKING:
     from jointplay.simulation.simulation import Simulation
 
 SHARED_S = 0.3
-"""Runs that take longer [s] have their further runs made by several processes (judged: to start
+"""Runs that take longer have their further runs made by several processes [s] (judged: starting
 some takes about as long)."""
 IDLE, IDLE_S = 0.2, 1.0
-"""More than this part of a run, and more than this [s], without motion is told of (judged: less is
-a rest to settle in)."""
+"""A note is given if a run has no motion for more than this part of it, and for more than this time
+[s] (judged: less is a rest to settle in)."""
 
 
 @dataclass
 class Case:
-    """A case that is to be run."""
+    """A case of the scenario, and how far it has been run."""
 
     path: Path
-    """Of its result."""
+    """File of its result."""
     errors: str
-    """How numerical errors are found: ``certify``, ``estimate`` or not at all."""
+    """How numerical errors are found: ``certify``, ``estimate``, or empty for not at all."""
     simulation: Simulation
-    """What is run."""
     reference: str = ""
-    """The motion beside which the tool is put, as files have it."""
+    """The motion with which the tool's is compared, as a result's file has it; empty: its own."""
     length_s: float = 0.0
-    """Of its runs: simulated, with those for its errors."""
+    """Simulated time of its runs, with those for its numerical errors [s]."""
     twins_s: float = 0.0
-    """Of those with which it is compared: the ideal mechanism's, and that without play."""
+    """Simulated time of the twins it is compared with: the ideal one, and that without play [s]."""
     finished: bool = False
-    """Whether its result is there, and only its errors are missing."""
+    """Whether its result is there; its numerical errors may be missing."""
     done: bool = False
     """Whether nothing is missing."""
 
@@ -61,13 +60,13 @@ class Case:
 
 
 class Cases:
-    """The cases of a scenario, and their results, which are kept as files.
+    """The cases of a scenario, and the store of their results, which are files in a folder.
 
     Attributes:
-        cases: what is run, by label.
-        remarks: cases by what is said of them.
-        results: of the cases that are there, in the order of the scenario once all are.
-        lines: what came out of each, in sentences.
+        cases: the cases to run, by label.
+        remarks: notes on runs, each with the labels of the cases that it is about.
+        results: results by label, in the order of the scenario once all are there.
+        lines: the outcome of each case, in sentences.
     """
 
     def __init__(
@@ -87,15 +86,17 @@ class Cases:
         progress: bool = False,
         say: Callable[[str, Result], None] | None = None,
     ) -> None:
-        """Build each case as it is run: what cannot be is said before anything is written.
+        """Prepare each case as it will be run, so that errors arise before anything is written.
 
         Args:
-            scenario, names: what is run: all cases, or those named.
+            scenario: the scenario.
+            names: cases to run; none: all.
             out: folder for the results.
             figures, mark: names of figures that will be drawn into it, and the mark of those that
                 may be replaced.
-            certify, estimate: whether numerical errors are bounded, or estimated.
-            beside: file of the motion as it was meant, where that which is run was corrected.
+            certify: state the numerical errors of all cases as a strict certificate does.
+            estimate: estimate them, where the scenario does not say otherwise.
+            beside: file of the intended motion, where the one that is run was corrected.
             resume: continue the interrupted runs in the folder, and keep finished ones.
             jobs: processes; None: one per core.
             detail: whether `lines` have everything that is known.
@@ -103,8 +104,8 @@ class Cases:
             say: called with label and result of each case as it is done.
 
         Raises:
-            JointplayError: no such case, a case that cannot be, or a folder that holds one of the
-                files already; of an interrupted run it says how to go on.
+            JointplayError: no such case, a case that cannot be built, or a folder that already
+                holds one of the files; if it holds an interrupted run, says how to continue it.
         """
         for name in names:
             require_known("case", name, scenario.cases)
@@ -119,9 +120,9 @@ class Cases:
         self.cases: dict[str, Case] = {}
         self.remarks: dict[str, list[str]] = {}
         self._ready: Run | None = None
-        """The only case, which need not be made ready twice."""
+        """The prepared run, if there is only one case, so that it is not prepared twice."""
         self._computed: dict[str, Result] = {}
-        """Results that this process has computed; of others there is the file alone."""
+        """Results that this process has computed; those of other processes are files only."""
         self.results: dict[str, Result] = {}
         self.lines: dict[str, list[str]] = {}
         self.recovery = f"completed results are in {str(self.out)!r}"
@@ -130,21 +131,18 @@ class Cases:
         spare_other_arrays()
 
     def __getstate__(self) -> dict[str, Any]:
-        """For a process that runs a case, where it is no copy of this one."""
-        empty: dict[str, Any] = {
-            "_ready": None,
-            "_computed": {},
-            "results": {},
-            "_say": None,
-        }
-        return {**vars(self), **empty}
+        """State for a process that runs a case and is not forked from this one: without runs and
+        results, which only this process needs.
+        """
+        return {**vars(self), "_ready": None, "_computed": {}, "results": {}, "_say": None}
 
     def _make_ready(
         self, name: str, certify: bool, estimate: bool, beside: str | Path | None
     ) -> None:
+        """Prepare a case's run, and note how it will be run and for how long."""
         path = self.out / self._files[name]
         run = self.scenario.ready_run(name, self.progress, working_paths(path)[0], ahead=True)
-        # What takes long to import is so while another process compiles, if one does.
+        # These imports take long; `ahead` may have another process compile the kernel meanwhile.
         from jointplay.simulation.analysis.parts import has_both
         from jointplay.study.certification import number_of_runs
 
@@ -156,7 +154,8 @@ class Cases:
             case.reference = json.dumps(_reference_motion(simulation, Path(beside)).describe())
         length = run.total_steps * simulation.step
         case.length_s = length * (1 + (number_of_runs(simulation) if errors else 0))
-        # What gives is compared with the ideal mechanism, for errors too, and without play.
+        # A machine with play is compared with the ideal one, whose run the errors have made
+        # already; one with play and elasticity also with the one without play.
         case.twins_s = length * ((case.has_play and not errors) + has_both(simulation.mechanism))
         for line in _length_and_size(run):
             self.remarks.setdefault(line, []).append(name)
@@ -165,7 +164,7 @@ class Cases:
 
     @property
     def notes(self) -> list[str]:
-        """What to know of runs whose length or size may surprise."""
+        """Notes on runs whose length or size may surprise."""
         labels = [*self.cases]
         return [
             line if cases == labels else f"case {few(cases)}: {line}"
@@ -173,7 +172,7 @@ class Cases:
         ]
 
     def claim_folder(self) -> None:
-        """Make sure that results can be written; to resume, find out which are there."""
+        """Claim the folder for writing; to resume, find out which results are there."""
         if not self.resume:
             check_not_interrupted(self.out, self._files.values())
             claim(self.out, [*self._files.values(), *self.figures])
@@ -190,7 +189,7 @@ class Cases:
                 )
 
     def run(self) -> bool:
-        """Run what is not done, several cases at a time; returns whether it was told to stop."""
+        """Run the cases that are not done, several at a time; returns whether told to stop."""
         from jointplay.study import Study
 
         pending = [name for name, case in self.cases.items() if not case.done]
@@ -218,10 +217,11 @@ class Cases:
         return stopped
 
     def execute(self, name: str) -> None:
-        """Run a case, save it with its scenario, find its errors; in another process, maybe.
+        """Run a case, save it with its scenario, and find its errors: the measure of the study,
+        which may run in another process.
 
         Raises:
-            KeyboardInterrupt: told to stop; it is saved as far as it came.
+            KeyboardInterrupt: told to stop; the run is saved as far as it came.
         """
         from jointplay.base.origins import to_text
         from jointplay.physics.kernel import Status
@@ -235,6 +235,7 @@ class Cases:
         records, checkpoint = working_paths(case.path)
         run, self._ready = self._ready, None
         run = run or scenario.ready_run(name, progress, records)
+        # The result's file holds all that it was made from.
         notes = {"scenario": scenario.text, "scenario_file": scenario.path.name}
         notes |= {"title": scenario.title, "case": name}
         notes["values"] = to_text(values(run.simulation, scenario.origins(name)))
@@ -256,7 +257,7 @@ class Cases:
         if status == Status.INTERRUPTED or signals.stop_requested():
             raise KeyboardInterrupt
 
-    # Results as they come: the store of the study.
+    # The store of the study: results as they come.
 
     def __contains__(self, name: object) -> bool:
         return name in self.results
@@ -269,6 +270,7 @@ class Cases:
             bar.update()
 
     def _load(self, name: str) -> None:
+        """Add the result of a case to `results`, from memory or from its file, if it is there."""
         from jointplay.simulation.analysis.headline import HISTORIES
         from jointplay.simulation.result import thinning
         from jointplay.simulation.result.result import Result
@@ -280,15 +282,17 @@ class Cases:
         if path.stat().st_size < thinning.LARGE_FILE:
             result = result or Result.load(path)
         else:
-            # A long run's histories fill memory; where nothing is drawn, few of them are looked at.
+            # A long run's histories fill memory; where nothing is drawn, few of them are read.
             only = None if self.figures else HISTORIES
             result = Result.load(path, most=thinning.SUMMARY_RECORDS, only=only)
-        # What was run, rather than built once more from the file, recorded as seldom as this is.
+        # The simulation that was run serves, and need not be built again from the file; only its
+        # recording interval is that of the result, which may have been thinned.
         interval = json.loads(result.dataset.attrs["simulation"])["record_every"]
         result.simulation = replace(self.cases[name].simulation, record_every=interval)
         self.results[name] = result
 
     def _say_lines(self) -> None:
+        """Make the lines of new results, and tell the caller."""
         from jointplay.simulation.analysis.headline import headline
 
         for name, result in self.results.items():
@@ -299,7 +303,7 @@ class Cases:
                 self._say(name, result)
 
     def data(self) -> dict[str, Any]:
-        """What came out of each case: its measures, their units, errors and inputs."""
+        """The outcome of each case as plain data: measures, units, errors, and input values."""
         from jointplay.simulation.analysis import deviation, has_tool_error
         from jointplay.simulation.values import values
         from jointplay.study.measures import measure, rests_of, shipped
@@ -332,7 +336,7 @@ class Cases:
 
 
 def _length_and_size(run: Run) -> list[str]:
-    """What is said of a run that goes on without moving, or whose records fill the disk."""
+    """Notes on a run that goes on after its motion has ended, or whose records fill the disk."""
     simulation, lines = run.simulation, []
     length = run.total_steps * simulation.step
     end = math.inf if simulation.motion is None else simulation.motion.still_from
@@ -352,7 +356,7 @@ def _length_and_size(run: Run) -> list[str]:
 
 
 def _reference_motion(simulation: Simulation, path: Path) -> Motion:
-    """The motion of a file, with the joints that it leaves out where the run's motion begins."""
+    """The motion of a file; joints that it leaves out stay where the run's motion begins."""
     from jointplay.scenario.build import motion_from_file
 
     if simulation.motion is None:
@@ -369,7 +373,7 @@ def check_not_interrupted(out: Path, names: Iterable[str]) -> None:
     """Refuse a folder with an interrupted run, which would be lost.
 
     Raises:
-        JointplayError: there is one, or another file where one would be kept.
+        JointplayError: there is one, or a file of another program where its files would be.
     """
     for name in names:
         check_own(out / name)
@@ -382,7 +386,7 @@ def check_not_interrupted(out: Path, names: Iterable[str]) -> None:
 
 
 def check_output_folder(out: Path, names: Sequence[str], figures: Iterable[str] = ()) -> None:
-    """Refuse a folder that holds results of a run; of an interrupted one it says how to go on."""
+    """Refuse a folder that holds results; if a run was interrupted, say how to continue it."""
     try:
         refuse_present(out, [*names, *figures])
     except JointplayError:
@@ -391,7 +395,7 @@ def check_output_folder(out: Path, names: Sequence[str], figures: Iterable[str] 
 
 
 def _is_judged(path: Path, simulation: Simulation) -> bool | None:
-    """Whether the errors of a result have been looked for; None if it is not there and whole.
+    """Whether a result's file has a certificate of its errors; None: there is no complete result.
 
     Raises:
         JointplayError: it is of another simulation, or was interrupted and left no checkpoint.

@@ -1,8 +1,9 @@
-"""Every headline figure of a run with its numerical error, found by running again otherwise.
+"""Certificates: the numerical error of every headline figure, from further runs with other steps.
 
-After every run two further ones are made with steps that go by their own error; a third where they
-leave a figure open, and for a strict certificate. docs/certificates.md says how, and how often the
-stated errors cover the true ones.
+After every run two further runs are made, whose adaptive steps are controlled by their own error; a
+third follows where these two leave a figure open, and for a strict certificate. The error of a
+figure is what it changes to the finest run, widened by how far the further runs scatter
+(`numerical_error`). docs/certificates.md says how often the stated errors cover the true ones.
 """
 
 from __future__ import annotations
@@ -60,39 +61,39 @@ if TYPE_CHECKING:
     import xarray as xr
 
 SAFETY = 2.5
-"""What differences between runs are multiplied by to make an error of them.
+"""Factor from the scatter of runs to an error.
 
 Four draws of a chaotic figure, and a fifth that is the truth: it lies within so many times their
 range of the first in 95 to 98 of 100 cases, for normal and for skew distributions.
 """
 
 CONTRACTS = 0.5
-"""Finer runs agree if they differ by no more than this part of what they have moved."""
+"""Further runs agree if they scatter by no more than this part of the figure's change to them."""
 
 SENSITIVE = 5e-3
-"""A figure in which further runs differ by more than this part of it is called sensitive.
+"""A figure is called sensitive if further runs differ by more than this part of it.
 
-An estimate whose error of some figure is larger gets the third run, too: of 40 arms of 0.6 to 1.6 m
-with two loose joints, starts 1 to 100 nm aside led beyond 15 of 200 stated errors by two runs, five
-by three.
+An estimate that leaves some figure with a larger error gets the third run, too: of 40 arms of 0.6
+to 1.6 m with two loose joints, starts 1 to 100 nm aside exceeded 15 of 200 errors stated from two
+runs, and five of those stated from three.
 """
 
 TOLERANCES = (1e-3, 6e-4, 2.5e-4)
 """Tolerances of the further runs, where the run has none itself.
 
-All three for a strict certificate or in doubt, else without the second: in one of thirty cases
-drawn at random a single further run agrees with the run by chance.
+All three are run for a strict certificate or in doubt, else the first and the last: in one of
+thirty cases drawn at random a single further run agrees with the run by chance.
 """
 
 RELATIVE = (4.0, 0.6, 0.25)
-"""The same relative to the run's own."""
+"""Tolerances of the further runs, relative to that of the run, where it has one."""
 
 ASIDE_M = ((1e-7, -1e-7, 1e-7), (-1e-7, 1e-7, -1e-7), (0.0, 0.0, 0.0))
-"""How far aside journals start in these runs; not in the finest: what another start changes could
-cancel what shorter steps do.
+"""Displacement of journals at the start of these runs [m]; none in the finest, for what another
+start changes could cancel what shorter steps do.
 
-A nanometre would not show every chaos: stick-slip hangs on switches that it need not reach, and
-that one step reaches and another does not.
+A nanometre would not show every chaos: stick-slip depends on switches that it need not reach, and
+that are reached with one step and not with another.
 """
 
 
@@ -109,16 +110,16 @@ def certify(
 ) -> Certificate:
     """State the numerical error of every headline figure, from three further runs.
 
-    Their steps go by their own error, and journals start aside: see `TOLERANCES`, `ASIDE_M`.
+    Their steps adapt to their own error, and journals start displaced: see `TOLERANCES`, `ASIDE_M`.
 
     Args:
         source: what is certified; a simulation is run first.
         progress: show a bar that names what runs.
-        simulation: what made the result; built from the result if not given.
-        name: of the run, which the bar shows.
-        claims: certify what the paper's claims use, too, of a run with one joint with clearance of
-            which more is judged than not.
-        strict: without, from two further runs, in doubt three, as after every run.
+        simulation: the simulation that made the result; None: built from the result.
+        name: name of the run, shown by the bar.
+        claims: also certify the measures of the paper's claims, for a run with one joint with
+            clearance of which more is judged than not.
+        strict: make all three further runs; False: two, and a third in doubt, as after every run.
         jobs: processes for these runs; None takes one for each core.
 
     Raises:
@@ -139,17 +140,19 @@ def certify(
     task = f"{'certifying' if strict else 'estimating'} errors{name and f' of {name}'}"
 
     def figures_of(numbered: tuple[int, FurtherRun]) -> dict[str, Measured] | str:
+        """Figures of a further run, or the reason why it has none."""
         number, further = numbered
         # The third run of an estimate is made in doubt only.
         label = f"{task}, {number} of {len(plans) if strict else max(number, 2)} ({further}) "
-        beside = ideal
+        reference = ideal
         if ideal is not None and number == 1:
-            # Of its own: what that of the run is off, runs beside it share with the run.
-            its, absence = _ideal(further.simulation, result, progress)
-            if its is None:
+            # The finest run is compared with an ideal run of its own steps: beside the ideal run of
+            # `result`, all figures would share the error of that.
+            own_ideal, absence = _ideal(further.simulation, result, progress)
+            if own_ideal is None:
                 return f"with {further}, {absence}"
-            beside = Reference(its)
-        figures = Headline(result.time, result.judge_from, beside, hinges(result))
+            reference = Reference(own_ideal)
+        figures = Headline(result.time, result.judge_from, reference, hinges(result))
         try:
             run = further.completed(figures, label, progress)
         except JointplayError as error:
@@ -157,15 +160,17 @@ def certify(
         of_run = figures.finish(run)
         if not with_claims or ideal is None:
             return of_run
-        its_result = run.result(Status.COMPLETED)
-        its_result.dataset = compared(its_result.dataset, ideal)
-        return of_run | claims_of(its_result)
+        further_result = run.result(Status.COMPLETED)
+        further_result.dataset = compared(further_result.dataset, ideal)
+        return of_run | claims_of(further_result)
 
+    # The finest run is the first: `numerical_error` measures the change to it.
     finest, middle, first = reversed(plans)
     numbered = [*enumerate([finest, middle, first] if strict else [finest, first], 1)]
     outcomes = Study(numbered, figures_of).run(copies(jobs, numbered))
     headline = headline_of(result, ideal, with_claims)
     measured = [outcome for outcome in outcomes if not isinstance(outcome, str)]
+    # In an estimate the third run decides where the first two leave a figure open.
     if not strict and len(measured) == len(outcomes) and leave_open(headline, measured):
         numbered.append((3, middle))
         outcomes.append(figures_of(numbered[-1]))
@@ -174,10 +179,10 @@ def certify(
     certified, sensitive = [], {}
     for name, figure in headline.items():
         further = [run[name] for run in measured if name in run]
-        # Where a further run failed, nobody knows.
+        # Where a further run failed, the error is unknown.
         error = math.inf if notes else max(numerical_error(figure, further), figure.sampling)
         if name in COUNTS and math.isfinite(error) and figure.value:
-            # That runs agree says nothing of a contact that barely touches, or barely not.
+            # Runs may agree in a count although one contact barely touches, or barely fails to.
             error = max(math.ceil(error), 1)
         elif name.startswith(HEADLINE) and not notes and is_sensitive(figure, further):
             sensitive[name] = [figure, *further]
@@ -185,7 +190,7 @@ def certify(
     if sensitive:
         widest = max(sensitive, key=lambda name: spread(sensitive[name]))
         factor, unit = displayed(headline[widest].unit)
-        values = factor * np.array(_values(sensitive[widest]))
+        values = factor * np.array([run.value for run in sensitive[widest]])
         notes.append(
             "the motion is sensitive: the further runs, which start up to 100 nm aside, differ "
             f"among each other in {', '.join(sensitive)}; one run is one draw of many: {widest} "
@@ -203,16 +208,16 @@ def certify(
 
 
 def number_of_runs(simulation: Simulation) -> int:
-    """How many runs `certify` makes at most, those of the ideal mechanism included."""
+    """Largest number of runs that `certify` makes, with those of the ideal mechanism."""
     mechanism = simulation.mechanism
     return len(TOLERANCES) + 2 * bool(mechanism.clearance or mechanism.gears)
 
 
 def scatter(runs: Sequence[Measured]) -> float:
-    """How far apart a figure's values in several runs are, in all or stretch by stretch.
+    """Range of a figure over several runs, of the whole runs or combined from stretches of them.
 
-    The differences of stretches count as independent: those of sums by the root of their squares;
-    those of largest values by how small the largest could be, had it been each stretch's least.
+    The larger counts. The ranges of stretches are taken as independent: those of a sum add in
+    quadrature; the largest value could have been as small as the largest of the stretches' least.
     """
     values = [run.value for run in runs]
     difference = float(np.ptp(values)) if np.isfinite(values).all() else math.inf
@@ -223,13 +228,17 @@ def scatter(runs: Sequence[Measured]) -> float:
     if math.isinf(power):
         return max(difference, max(values) - float(parts.min(axis=0).max()))
     combined = float(np.linalg.norm(np.ptp(parts, axis=0)))
-    if power > 1.0:
+    if power > 1.0:  # from the sum of powers to its root: the derivative
         combined /= power * max(max(values), 1e-300) ** (power - 1.0)
     return max(difference, combined)
 
 
 def numerical_error(figure: Measured, further: Sequence[Measured]) -> float:
-    """Error of a figure, given what the further runs made of it, the finest first."""
+    """Error of a figure, from its values in the further runs, the finest first.
+
+    The change to the finest run plus `SAFETY` times the scatter of the further runs; where these
+    do not agree (`CONTRACTS`), `SAFETY` times the scatter of all runs.
+    """
     change = abs(figure.value - further[0].value)
     uncertainty = scatter(further)
     if not math.isfinite(change + uncertainty):
@@ -241,7 +250,7 @@ def numerical_error(figure: Measured, further: Sequence[Measured]) -> float:
 
 
 def leave_open(figures: Mapping[str, Measured], further: Sequence[Mapping[str, Measured]]) -> bool:
-    """Whether a figure's error, as two further runs (the finest first) have it, is noticeable."""
+    """Whether two further runs, the finest first, leave a figure with a noticeable error."""
     return any(
         numerical_error(figure, [run[name] for run in further]) > SENSITIVE * abs(figure.value)
         for name, figure in figures.items()
@@ -250,16 +259,12 @@ def leave_open(figures: Mapping[str, Measured], further: Sequence[Mapping[str, M
 
 
 def spread(runs: Sequence[Measured]) -> float:
-    """By how much runs differ, in parts of the first; inf of nothing that is not always nothing."""
-    return float(np.ptp(_values(runs)) / runs[0].value) if runs[0].value else math.inf
-
-
-def _values(runs: Sequence[Measured]) -> list[float]:
-    return [run.value for run in runs]
+    """Range of a figure over runs, relative to its value in the first; infinite if that is 0."""
+    return float(np.ptp([run.value for run in runs]) / runs[0].value) if runs[0].value else math.inf
 
 
 def is_sensitive(figure: Measured, further: Sequence[Measured]) -> bool:
-    """Whether the further runs differ more than the run does from them, and noticeably."""
+    """Whether the further runs differ noticeably, and more than the run does from the finest."""
     uncertainty = scatter(further)
     change = abs(figure.value - further[0].value)
     return uncertainty > max(CONTRACTS * change, SENSITIVE * abs(figure.value))
@@ -267,13 +272,13 @@ def is_sensitive(figure: Measured, further: Sequence[Measured]) -> bool:
 
 @dataclass(frozen=True)
 class FurtherRun:
-    """A run that shows how far off another one is."""
+    """A run whose difference from the certified one shows the numerical error."""
 
     simulation: Simulation
     aside: tuple[float, float, float]
-    """How far aside journals start [m]."""
+    """Displacement of journals at the start [m]."""
     finer: float
-    """How much shorter macro steps are."""
+    """Factor by which macro steps are shorter than the run would choose them."""
 
     def __str__(self) -> str:
         simulation = self.simulation
@@ -288,12 +293,16 @@ class FurtherRun:
 
     @property
     def label(self) -> str:
-        """What it is, with where its journals start."""
+        """Method and steps, and how far aside journals start: the line of a certificate."""
         aside = f", journals {1e9 * max(self.aside):g} nm aside" if any(self.aside) else ""
         return f"{self}{aside}"
 
     def completed(self, figures: Headline, label: str, progress: bool) -> Run:
-        """The run at its end, of whose records `figures` are made, or why there is none."""
+        """Run to the end, feeding the records to `figures`.
+
+        Raises:
+            JointplayError: the run is refused, or stops early.
+        """
         try:
             run = Run(self.simulation, progress, figures.take)
         except JointplayError as error:
@@ -313,9 +322,9 @@ class FurtherRun:
 
 
 def further_runs(simulation: Simulation, result: Result) -> list[FurtherRun]:
-    """The further runs, the finest last, before it the one that an estimate makes in doubt only.
+    """The further runs, by the multi-rate method, for as long as the run lasted.
 
-    By the multi-rate method, for as long as the run lasted.
+    The finest is the last; the one before it an estimate makes in doubt only.
     """
     duration = float(result.time[-1])  # whose last digits must not shift when judging begins
     base = replace(
@@ -328,7 +337,8 @@ def further_runs(simulation: Simulation, result: Result) -> list[FurtherRun]:
     tolerance = simulation.tolerance
     tolerances = TOLERANCES if tolerance is None else [min(x * tolerance, 1.0) for x in RELATIVE]
     simulations = [replace(base, tolerance=value) for value in tolerances]
-    # As the run chose its macro steps, they would not show what they are off.
+    # Macro steps as in the run would not show their own error: the first of these runs takes them
+    # twice as long, unless the run left them and its tolerance to the defaults.
     chosen = tolerance is None and simulation.macro_step is None
     macros = [1.0 if chosen else 0.5, 1.0, 1.0]
     return [FurtherRun(*parts) for parts in zip(simulations, ASIDE_M, macros, strict=True)]
@@ -337,8 +347,9 @@ def further_runs(simulation: Simulation, result: Result) -> list[FurtherRun]:
 def _ideal_tool(
     simulation: Simulation, result: Result, progress: bool
 ) -> tuple[Reference | None, str]:
-    """The motion of the ideal mechanism's tool, which the result then has, if memory has room for
-    it; or None and why there is none.
+    """Motion of the ideal mechanism's tool, or None and why there is none.
+
+    The result is given its comparison with the ideal tool, if it fits in memory.
     """
     if "tool_error" in result.dataset and fits(result):
         return Reference(result, "ideal_"), ""
@@ -372,9 +383,9 @@ def _ideal(simulation: Simulation, result: Result, progress: bool) -> tuple[Resu
 
 
 def errors_if_possible(result: Result, strict: bool, **options: Any) -> Certificate | None:
-    """What `certify` says of a finished run; None, with a warning, if it cannot be.
+    """Certificate of a finished run; None, with a warning, if it cannot be made.
 
-    Whatever goes wrong here, the run has been made, and is kept. `options`: see `certify`.
+    Whatever goes wrong here, the finished run is kept. `options`: see `certify`.
 
     Raises:
         KeyboardInterrupt: Ctrl-C.
@@ -398,18 +409,17 @@ def add_errors(
     name: str = "",
     jobs: int | None = 1,
 ) -> None:
-    """Add to the file of a saved result the error of its tool, and the numerical errors.
-
-    Not of a run that was told to stop, or while it was saved.
+    """Add to the file of a saved result the tool's error against the ideal mechanism, and the
+    numerical errors; nothing if the run was told to stop, or the program while it was saved.
 
     Args:
-        result, path: what `run_and_save` gave, and its file.
+        result, path: the result of `run_and_save` (None: read the file), and its file.
         simulation, progress, claims, name, jobs: see `certify`.
-        errors: how numerical errors are found: ``certify``, ``estimate`` or not at all.
+        errors: how numerical errors are found: ``certify``, ``estimate``, or empty for not at all.
 
     Raises:
-        JointplayError: the file cannot be written again; it is as it was.
-        KeyboardInterrupt: told to stop; the result is there without them.
+        JointplayError: the file cannot be written again; it is left as it was.
+        KeyboardInterrupt: told to stop; the result is there without the errors.
     """
     if signals.stop_requested():
         return
@@ -437,7 +447,7 @@ def add_errors(
 
 
 def _histories_against(ideal: Reference, dataset: xr.Dataset) -> Iterator[xr.Dataset]:
-    """The histories `COMPARED`, portion by portion."""
+    """Yield the histories `COMPARED`, `AT_ONCE` records at a time."""
     tool = dataset[[name for name in TOOL_MOTIONS if name in dataset]]
     for first in range(0, tool.sizes["time"], AT_ONCE):
         part = compared(tool.isel(time=slice(first, first + AT_ONCE)).load(), ideal)

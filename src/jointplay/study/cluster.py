@@ -17,13 +17,14 @@ from jointplay.simulation.result.stored import versions
 from jointplay.study.study import Case, Value
 
 BATCH_S, MOST_BATCH = 2.0, 256
-"""Work of one task: the scheduler's own milliseconds are then nothing [s]; and its items."""
+"""Intended work of one task [s], beside which the scheduler's milliseconds are negligible, and the
+most cases in it."""
 AHEAD = 3
-"""Tasks for each thread of a worker that the scheduler has at a time."""
+"""Tasks for each worker that the scheduler has at a time."""
 CONNECT_S = 15
-"""How long a scheduler, and then its first worker, is waited for [s]."""
+"""Longest wait for a scheduler, and then for its first worker [s]."""
 TRIES = 5
-"""Clients begun: on a busy machine the thread of one may not start within its 10 s."""
+"""Most attempts to start a client: on a busy machine its thread may not start within its 10 s."""
 _LOGGERS = (
     "distributed",
     *(f"distributed.{part}" for part in ("client", "core", "comm", "batched", "utils", "worker")),
@@ -33,14 +34,14 @@ _LOGGERS = (
 
 
 def version() -> str:
-    """The version of jointplay where this runs."""
+    """Version of jointplay in the process that runs this."""
     return versions()["jointplay"]
 
 
 def _timed(
     work: Callable[[Case], Value], items: Sequence[tuple[Any, Case]]
 ) -> list[tuple[float, Any, Value]]:
-    """Do the work for some items: processor time [s], key and what came of each."""
+    """Do the work for some items; returns processor time [s], key and value of each."""
     results = []
     for key, item in items:
         began = time.process_time()
@@ -50,12 +51,12 @@ def _timed(
 
 
 class ClusterWorkers(Generic[Case, Value]):
-    """Workers of a Dask cluster; otherwise as a `Pool`.
+    """The workers of a Dask cluster, in place of a `Pool`.
 
     Args:
-        work: done for each item; what it needs travels with it: they need not share a file system.
-        address: of the scheduler, such as ``tcp://10.0.0.1:8786``.
-        lost: what came of an item that ends the workers that it is given to.
+        work: function of a case; it is sent with all that it needs: no file system is shared.
+        address: address of the scheduler, such as ``tcp://10.0.0.1:8786``.
+        lost: function that gives the value of a case that kills each worker it is given to.
 
     Raises:
         JointplayError: dask.distributed is not installed, no scheduler answers, it has no workers,
@@ -67,7 +68,7 @@ class ClusterWorkers(Generic[Case, Value]):
     ) -> None:
         with extra("cluster", "dask.distributed"):
             from distributed import Client
-        for name in _LOGGERS:  # what they log is said here in a line, or is of no consequence
+        for name in _LOGGERS:  # what matters of it is raised here as an error of one line
             logging.getLogger(name).setLevel(logging.CRITICAL + 1)
         self.work, self.address, self.lost = work, address, lost
         self.client: Any = self._connect(Client)
@@ -121,9 +122,9 @@ class ClusterWorkers(Generic[Case, Value]):
                 )
 
     def run(self, items: Iterable[tuple[Any, Case]]) -> Iterator[tuple[Any, Value]]:
-        """Keys of items and what came of them, as they come.
+        """Yield key and value of each case as it finishes.
 
-        A worker that dies is of no consequence: the scheduler gives its items to others.
+        If a worker dies, the scheduler gives its cases to others.
 
         Raises:
             JointplayError: the scheduler was lost.
@@ -138,7 +139,7 @@ class ClusterWorkers(Generic[Case, Value]):
             future.add_done_callback(lambda f: ended.put(f.key))
 
         def feed() -> None:
-            while len(pending) < AHEAD * max(self.number, 1):
+            while len(pending) < AHEAD * self.number:
                 batch = list(islice(waiting, self._batch()))
                 if not batch:
                     return
@@ -149,7 +150,7 @@ class ClusterWorkers(Generic[Case, Value]):
             try:
                 key = ended.get(timeout=1.0)
             except queue.Empty:
-                if self.client.status != "running":  # it is looking for its scheduler, in vain
+                if self.client.status != "running":  # the client has lost its scheduler
                     raise self._lost() from None
                 continue
             yield from self._outcomes(*pending.pop(key), submit)
@@ -162,7 +163,9 @@ class ClusterWorkers(Generic[Case, Value]):
     def _outcomes(
         self, future: Any, batch: Sequence[tuple[Any, Case]], submit: Any
     ) -> Iterator[tuple[Any, Value]]:
-        """What a task gave; one that took its workers with it is taken apart."""
+        """Yield the values of a finished task; one that killed its workers is submitted again, case
+        by case, and the case that does so alone counts as lost.
+        """
         if future.status == "finished":
             try:
                 outcomes = future.result()
@@ -174,8 +177,11 @@ class ClusterWorkers(Generic[Case, Value]):
                 self._seconds += seconds
                 yield key, value
             return
-        cause = self._error(future)
-        if isinstance(cause, JointplayError):  # what no item can do about
+        cause: BaseException | None = None
+        if future.status == "error":
+            with suppress(Exception):
+                cause = future.exception(timeout=CONNECT_S)
+        if isinstance(cause, JointplayError):  # the sweep cannot be run there: see `run_case`
             raise cause
         if type(cause).__name__ != "KilledWorker":
             raise self._lost(cause) from cause
@@ -186,19 +192,14 @@ class ClusterWorkers(Generic[Case, Value]):
         key, item = batch[0]
         yield key, self.lost(item)
 
-    def _error(self, future: Any) -> BaseException | None:
-        if future.status == "error":
-            with suppress(Exception):
-                return future.exception(timeout=CONNECT_S)
-        return None
-
     def _batch(self) -> int:
+        """Number of cases of the next task, by the mean time of the cases so far."""
         if not self._finished:
             return 1
         mean = max(self._seconds / self._finished, 1e-3)
         return int(min(max(BATCH_S / mean, 1.0), MOST_BATCH))
 
     def close(self) -> None:
-        """Leave the cluster; what it was doing for this study is given up."""
+        """Leave the cluster; its tasks for this study are abandoned."""
         with suppress(Exception):
             self.client.close(timeout=5)

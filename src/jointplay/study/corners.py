@@ -1,8 +1,9 @@
-"""A corrected motion judged by the engine, as it is modelled and where the model may be wrong.
+"""Verification of a corrected motion by the engine, with the model as it is and at its corners.
 
-Both motions are run at every combination of the ends of the intervals of what is trusted, 2^n pairs
-of runs for n quantities, of which there are four at most. The tool is compared with
-where the ideal robot is if its joints are exactly where the *original* motion has them.
+Where quantities of the model are uncertain, both motions are run at every combination of the ends
+of their intervals, the corners: 2^n pairs of runs for n quantities, four at most. The tool's error
+is its distance from where the ideal robot has it, with joints exactly where the *original* motion
+puts them.
 """
 
 from __future__ import annotations
@@ -43,9 +44,9 @@ if TYPE_CHECKING:
     from jointplay.scenario.presets import Preset
 
 QUANTITIES = ("play", "friction", "payload", "stiffness")
-"""What may be trusted to a part only."""
+"""Quantities of the model that may be uncertain."""
 IDENTIFIED, EXACT = "identified", "exact"
-"""Trust a preset as far as its intervals say, and the model without limit."""
+"""Words for `trust_of`: trust a preset up to its intervals; trust the model without limit."""
 _NUMBERS = {
     "gear.play": "play",
     "bearing.radial_clearance": "play",
@@ -53,28 +54,28 @@ _NUMBERS = {
     "friction.coulomb": "friction",
     "gear.stiffness": "stiffness",
 }
-"""Quantity of a number of a preset."""
+"""Quantity to which a number of a preset belongs, by its part and name."""
 Interval = tuple[float, float]
 Trust = Mapping[str, float | Mapping[str, Interval]]
-"""By `QUANTITIES`, the part by which it may be off either way; or intervals [SI] of such numbers by
+"""Uncertainty of each of `QUANTITIES`: relative, either way; or intervals [SI] of its numbers, by
 their keys in a preset, such as ``elbow.gear.play``."""
 MOTIONS = ("before", "after")
+"""The original motion and the corrected one."""
 _RECORD_S = 1e-3
-"""Least width of what a node's error is the mean of, either way [s]."""
+"""Least half width of the window over which the error at a node is averaged [s]."""
 _STIFFNESSES = ("stiffness", "stiffness_1", "stiffness_2", "stiffness_3")
 
 
 def trust_of(text: str, preset: Preset | None = None) -> Trust:
-    """What is trusted how far, of text such as ``play 30 %, friction 50 %``.
+    """Read uncertainties of the model from text such as ``play 30 %, friction 50 %``.
 
     Args:
-        text: ``identified`` among them takes the preset's intervals, and parts count more;
-            ``exact`` alone trusts all.
-        preset: of joints that were measured.
+        text: ``identified`` among the entries takes the preset's intervals, which percentages of
+            the same quantity override; ``exact`` alone trusts everything.
+        preset: preset with measured joints.
 
     Raises:
-        JointplayError: a quantity of no such name, a part that is not between 0 and 100 %, no
-            intervals.
+        JointplayError: an unknown quantity, a percentage not between 0 and 100 %, no intervals.
     """
     measured: dict[str, dict[str, Interval]] = {}
     parts: dict[str, float] = {}
@@ -83,7 +84,7 @@ def trust_of(text: str, preset: Preset | None = None) -> Trust:
         return {}
     if IDENTIFIED in entries:
         for origin in () if preset is None else preset.origins:
-            quantity = _NUMBERS.get(".".join(_part(origin.key)[1:]))
+            quantity = _NUMBERS.get(".".join(_split_key(origin.key)[1:]))
             if quantity and len(origin.interval) == 2:
                 low, high = origin.interval
                 measured.setdefault(quantity, {})[origin.key] = low, high
@@ -109,9 +110,9 @@ def trust_of(text: str, preset: Preset | None = None) -> Trust:
 
 
 def correction(price: float, trust: str) -> Correction:
-    """A corrected motion as `allocate` is offered it, with how far the model may be off then.
+    """A corrected motion as an option of `allocate`: its price, and the model's uncertainty.
 
-    `trust`: see `trust_of`; at rest only of play and friction.
+    `trust`: see `trust_of`; at rest only play and friction may be uncertain.
     """
     from jointplay.accuracy.allocation import Correction
 
@@ -121,7 +122,7 @@ def correction(price: float, trust: str) -> Correction:
     return Correction(price, **{k: part for k, part in parts.items() if isinstance(part, float)})
 
 
-def _part(key: str) -> tuple[str, str, str]:
+def _split_key(key: str) -> tuple[str, str, str]:
     """Joint, part and number of a preset's key."""
     path, _, number = key.rpartition(".")
     joint, _, part = path.rpartition(".")
@@ -130,10 +131,12 @@ def _part(key: str) -> tuple[str, str, str]:
 
 @dataclass(frozen=True)
 class ToolErrors:
-    """Distance of the tool from the ideal one [m]."""
+    """Error of the tool in one run, against the ideal one's pose [m]."""
 
     rms: float
+    """RMS over the run."""
     on_the_way: float
+    """RMS while joints move; NaN if none does."""
     at_stops: float
     """RMS at the ends of stops, the start left out; NaN without any."""
     largest: float
@@ -141,32 +144,33 @@ class ToolErrors:
     """RMS angle by which the tool is turned [rad]."""
     times: np.ndarray
     values: np.ndarray
-    """World axes, (n, 6) [m, rad]."""
+    """Error of position and orientation at `times` in world axes, (n, 6) [m, rad]."""
 
 
 @dataclass(frozen=True)
 class Corner:
-    """Both motions run where the machine is another than modelled."""
+    """The errors of both motions on a machine that differs from the model."""
 
     label: str
     changes: Mapping[str, float]
-    """As `varied` takes them."""
+    """Changes of the machine, as `varied` takes them."""
     before: ToolErrors
     after: ToolErrors
 
 
 @dataclass(frozen=True)
 class Judgement:
-    """What a corrected motion is worth."""
+    """What a corrected motion gains, as modelled and at the corners."""
 
     compensation: Compensation
     corners: tuple[Corner, ...]
-    """As modelled first."""
+    """The corners, that of the unchanged model first."""
     firmware: ToolErrors | None
-    """By the firmware's rule; None where no gear has play."""
+    """Errors with the firmware's rule in place of the correction; None: no gear has play."""
     left_out: tuple[str, ...]
-    """Quantities that were trusted in part and that nothing of the machine has."""
+    """Uncertain quantities that the machine does not have."""
     complete: bool = True
+    """Whether all corners were run."""
 
     @property
     def nominal(self) -> Corner:
@@ -174,7 +178,7 @@ class Judgement:
 
     @property
     def least_gain(self) -> Corner:
-        """The corner in which most is left of the error that was there."""
+        """The corner in which the largest part of the original error is left."""
         return max(self.corners, key=lambda corner: corner.after.rms / corner.before.rms)
 
     @property
@@ -210,7 +214,7 @@ class Judgement:
 
     @property
     def _coasting(self) -> str:
-        """Which joints nothing brakes, so that their teeth change sides when the motor brakes."""
+        """Remark on joints without friction, whose teeth change sides when the motor brakes."""
         simulation = self.compensation.simulation
         friction = joint_friction(simulation)
         names = [n for n in self.compensation.gears if not friction.get(n, JointFriction()).coulomb]
@@ -238,7 +242,7 @@ class Judgement:
         if self.firmware is not None:
             rule, original = self.firmware.rms, self.nominal.before.rms
             verdict = "better than nothing" if rule < original else "no better than nothing"
-            stops = self.firmware.at_stops  # not a number where the motion has none
+            stops = self.firmware.at_stops  # NaN where the motion has none
             at_stops = f", at stops {_mm(stops)}" if np.isfinite(stops) else ""
             lines.append(
                 f"the firmware's rule, half the play by the sign of the commanded speed, would "
@@ -251,7 +255,7 @@ class Judgement:
         return lines
 
     def table(self) -> Table:
-        """A row for each corner: errors before and after."""
+        """Table with a row for each corner: errors before and after."""
         columns = [Column("corner", [corner.label for corner in self.corners])]
         for name in ("rms", "on_the_way", "at_stops", "largest", "turn"):
             for motion in ("before", "after"):
@@ -268,22 +272,23 @@ def judge(
     jobs: int | None = None,
     progress: bool = False,
 ) -> Judgement:
-    """Run both motions through the engine, at the corners of what is trusted.
+    """Run the original and the corrected motion through the engine, at all corners of the model.
 
     Args:
-        trust: None or empty: only as modelled.
+        compensation: the correction.
+        trust: uncertainties of the model; None or empty: only the model as it is.
         jobs: processes; None: one for each core.
         progress: show a bar on standard error.
 
     Raises:
-        JointplayError: what a run refuses.
+        JointplayError: a run that is refused.
     """
     simulation, trust = compensation.simulation, trust or {}
-    quantities = _varied(simulation)
+    quantities = _quantities_of(simulation)
     left_out = tuple(name for name in trust if name not in quantities)
     choices = [_limits(name, limit) for name, limit in trust.items() if name in quantities]
-    combinations = map(_corner, product(*choices) if choices else ())
-    variants: list[Limit] = [("as modelled", {}), *combinations]
+    combinations = map(_combined, product(*choices) if choices else ())
+    variants: list[Variant] = [("as modelled", {}), *combinations]
     rule = bool(firmware_rule(simulation, compensation.times).any())
     by_key: dict[int, ToolErrors] = {}
     plan: list[Trial] = [(compensation, c, motion) for _, c in variants for motion in MOTIONS]
@@ -306,19 +311,22 @@ def judge(
 
 
 def learn(compensation: Compensation, passes: int) -> tuple[Compensation, list[float]]:
-    """Correct further by what own runs leave, pass by pass, as long as that improves.
+    """Iterative learning: correct further by the error left in a run, as long as that improves.
 
     Returns:
-        The best one, and the RMS error left by each pass that was tried, the first without [m].
+        The best correction, and the RMS error left by each pass that was tried, beginning with
+        that of the given one [m].
     """
     errors = _errors((compensation, {}, "after"))
     rms_errors = [errors.rms]
     for _ in range(passes):
+        # The error around each node goes through the Jacobian into a shift of the joints there.
         nodes = compensation.times
         half = max(0.5 * (nodes[1] - nodes[0]), _RECORD_S)
         means = [errors.values[np.abs(errors.times - t) <= half].mean(axis=0) for t in nodes]
-        off = np.array(means)
-        shift = -through_jacobian(compensation.simulation, nodes, off, compensation.size)
+        shift = -through_jacobian(
+            compensation.simulation, nodes, np.array(means), compensation.size
+        )
         further = with_shift(compensation, shift)
         further_errors = _errors((further, {}, "after"))
         rms_errors.append(further_errors.rms)
@@ -329,13 +337,14 @@ def learn(compensation: Compensation, passes: int) -> tuple[Compensation, list[f
 
 
 Trial = tuple[Compensation, Mapping[str, float], str]
-"""What is run: with which changes; `before`, `after`, or by the `firmware` rule."""
-Limit = tuple[str, Mapping[str, float]]
-"""Changes of a quantity, in words first."""
+"""One run: of which correction, with which changes of the machine, and which motion: `before`,
+`after`, or by the `firmware` rule."""
+Variant = tuple[str, Mapping[str, float]]
+"""A changed machine: label and changes."""
 
 
-def _limits(name: str, trust: float | Mapping[str, Interval]) -> tuple[Limit, Limit]:
-    """The least and the largest that a quantity may be."""
+def _limits(name: str, trust: float | Mapping[str, Interval]) -> tuple[Variant, Variant]:
+    """The machine with a quantity at the lower and at the upper end of its interval."""
     if not isinstance(trust, Mapping):
         low, high = ((f"{name} {100 * x:+.0f} %", {name: 1.0 + x}) for x in (-trust, trust))
         return low, high
@@ -346,14 +355,14 @@ def _limits(name: str, trust: float | Mapping[str, Interval]) -> tuple[Limit, Li
     return low, high
 
 
-def _corner(limits: Sequence[Limit]) -> Limit:
-    """A corner: each quantity at one of its ends."""
+def _combined(limits: Sequence[Variant]) -> Variant:
+    """A corner: all of these changes together."""
     changes = {key: value for _, limit in limits for key, value in limit.items()}
     return ", ".join(label for label, _ in limits), changes
 
 
 def _errors(item: Trial) -> ToolErrors:
-    """Run one motion on the changed machine; the error from the original motion's twin."""
+    """Run one motion on the changed machine; its error is against the original motion's twin."""
     compensation, changes, motion_name = item
     plant = varied(compensation.simulation, changes)
     motion = plant.motion
@@ -369,7 +378,7 @@ def _errors(item: Trial) -> ToolErrors:
 
 
 def tool_errors(run: Simulation, original: Simulation) -> ToolErrors:
-    """The tool's error in a run, from where another motion of the same machine sends it."""
+    """The tool's error in a run against the ideal robot in the motion of `original`."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         result = run.run(check_step=False, estimate=False, only=list(TOOL_MOTIONS))
@@ -383,10 +392,8 @@ def tool_errors(run: Simulation, original: Simulation) -> ToolErrors:
     speed = np.abs(motion(times)[1]).max(axis=1)
     moving = speed > 1e-3 * speed.max()
     stop_errors = size[np.searchsorted(times, [halt.end for halt in halts]).clip(0, len(size) - 1)]
-    weights, (shifts, turns) = (
-        time_weights(times),
-        (error_statistics(error, 0.0) for error in (shift, turn)),
-    )
+    shifts, turns = (error_statistics(error, 0.0) for error in (shift, turn))
+    weights = time_weights(times)
     square = np.average(size[moving] ** 2, weights=weights[moving]) if moving.any() else np.nan
     underway = np.sqrt(square)
     halted = np.sqrt(np.mean(stop_errors**2)) if len(stop_errors) else np.nan
@@ -405,8 +412,8 @@ def _as_sent(simulation: Simulation) -> Simulation:
     return replace(ideal, drive=exact)
 
 
-def _varied(simulation: Simulation) -> set[str]:
-    """Quantities that the machine has."""
+def _quantities_of(simulation: Simulation) -> set[str]:
+    """Those of `QUANTITIES` that the machine has."""
     mechanism = simulation.mechanism
     friction = joint_friction(simulation).values()
     presence = {
@@ -420,12 +427,13 @@ def _varied(simulation: Simulation) -> set[str]:
 
 
 def varied(simulation: Simulation, changes: Mapping[str, float]) -> Simulation:
-    """The same with quantities of `QUANTITIES` multiplied, or numbers of a preset set [SI].
+    """The simulation with some of `QUANTITIES` multiplied, or numbers of a preset set [SI].
 
-    Play is all clearances and gears' play, friction that of joints and journals, payload its mass
-    and inertia, stiffness that of gears.
+    Play scales all clearances and the gears' play, friction that of joints and journals, payload
+    its mass and inertia, stiffness that of gears.
     """
     fields: dict[str, Any] = {}
+    # Factors of whole quantities first, then single numbers by their keys.
     play, stiffness = changes.get("play", 1.0), changes.get("stiffness", 1.0)
     mechanism, losses = simulation.mechanism, joint_friction(simulation)
     x = changes.get("friction", 1.0)
@@ -440,7 +448,7 @@ def varied(simulation: Simulation, changes: Mapping[str, float]) -> Simulation:
         for n, loss in losses.items()
     }  # fmt: skip
     for key, value in changes.items():
-        joint, part, number = _part(key)
+        joint, part, number = _split_key(key)
         tables: dict[str, Any] = {"gear": gears, "bearing": clearance, "friction": friction}
         if joint not in tables.get(part, ()):
             continue
@@ -450,6 +458,7 @@ def varied(simulation: Simulation, changes: Mapping[str, float]) -> Simulation:
         elif number == "play":
             tables[part][joint] = element.with_play(value)
         else:
+            # A bearing's clearance class would contradict the number that is set.
             classless = {"clearance_class": None} if hasattr(element, "clearance_class") else {}
             tables[part][joint] = replace(element, **{number: value}, **classless)
     if clearance != mechanism.clearance or gears != mechanism.gears:
@@ -472,7 +481,7 @@ def _gear(gear: Gearing, play: float, stiffness: float) -> Gearing:
 
 
 def _times(before: ToolErrors, after: ToolErrors) -> str:
-    """How many times the RMS error shrinks, to two digits."""
+    """Factor by which the RMS error shrinks, to two digits."""
     return readable(before.rms / after.rms, "", 2)
 
 

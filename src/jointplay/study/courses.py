@@ -1,4 +1,4 @@
-"""Many runs of which only the tool's course is kept; its error against the ideal mechanism."""
+"""Runs of which only the tool's trajectory is kept, and its error against the ideal mechanism."""
 
 from __future__ import annotations
 
@@ -31,10 +31,10 @@ from jointplay.study.study import Measure, Memory, Study
 
 @dataclass(frozen=True)
 class Trace:
-    """The tool's course in one run, world axes: times of the records [s], and there
+    """The tool's trajectory in one run, at the times of the records [s], in world axes.
 
-    position (n, 3) [m], velocity (n, 3) [m/s], orientation (unit quaternions, scalar first,
-    (n, 4)), which is None if it is not known; and from when on the run is judged [s].
+    Position (n, 3) [m], velocity (n, 3) [m/s], orientation (unit quaternions, scalar first, (n, 4);
+    None: unknown), and the time from which the run is judged [s].
     """
 
     time: np.ndarray
@@ -45,10 +45,10 @@ class Trace:
 
 
 def errors(runs: Sequence[Trace], ideal: Trace) -> np.ndarray:
-    """Where the tool is, less where it was to be, shape (runs, n, 3) [m].
+    """Position of the tool in each run less that of the ideal one, shape (runs, n, 3) [m].
 
     Raises:
-        JointplayError: records at other times.
+        JointplayError: a run was recorded at other times than the ideal one.
     """
     time = ideal.time
     for run in runs:
@@ -59,13 +59,13 @@ def errors(runs: Sequence[Trace], ideal: Trace) -> np.ndarray:
 
 
 def seeded(simulation: Simulation, runs: int) -> list[Simulation]:
-    """The simulation with as many seeds, from its own on, or from 1."""
+    """The simulation with `runs` successive seeds, from its own on, or from 1."""
     first = 1 if simulation.seed is None else simulation.seed
     return [dataclasses.replace(simulation, seed=first + run) for run in range(runs)]
 
 
 def at_speed(simulation: Simulation, factor: float) -> Simulation:
-    """The simulation whose motion has a part of its speed."""
+    """The simulation with its motion at `factor` times the speed."""
     if factor == 1.0 or simulation.motion is None:
         return simulation
     duration = None if simulation.duration is None else simulation.duration / factor
@@ -74,11 +74,11 @@ def at_speed(simulation: Simulation, factor: float) -> Simulation:
 
 
 RUNS = "runs"
-"""Name of the file in which courses are kept."""
+"""Name of the file in which trajectories are kept."""
 
 
 def check_numbers(runs: int, jobs: int | None) -> None:
-    """Raise a JointplayError on a number of runs or of processes that makes no sense."""
+    """Raise a JointplayError if the number of runs or of processes is out of range."""
     require_whole("runs", runs, 1, MOST_RUNS)
     number_of(jobs)
 
@@ -91,18 +91,18 @@ def traces(
     progress: bool = False,
     label: str = "runs",
 ) -> list[Trace]:
-    """Run all simulations.
+    """Run all simulations; returns the tool's trajectory of each.
 
     Args:
-        simulations: what is run; equal ones are run once.
-        jobs: processes; None takes one for each core, 1 runs in this one.
+        simulations: simulations to run; equal ones are run once.
+        jobs: processes; None takes one for each core, 1 runs in this process.
         keep: folder in whose file `RUNS` each run is kept as soon as it is done; runs that are
-            there already are not done again, if all their inputs and the version are the same.
+            there already are not made again, if all their inputs and the version are the same.
         progress: show a bar on standard error.
-        label: name of the runs at the bar.
+        label: name of the runs, shown by the bar.
 
     Raises:
-        JointplayError: a run that did not complete; no process; `keep` cannot be written to.
+        JointplayError: a run that did not complete; `jobs` out of range; `keep` cannot be written.
     """
     check_numbers(max(len(simulations), 1), jobs)
     keys = [run_key(simulation) for simulation in simulations]
@@ -123,7 +123,7 @@ def _course(result: Result) -> Arrays:
 
 
 def run_key(simulation: Simulation) -> str:
-    """All inputs of a run, and the version, as a short text."""
+    """Hash of all inputs of a run and of the version: its key in a store."""
     inputs = json.dumps(
         [simulation.describe(), _own_modules(simulation)], sort_keys=True, default=str
     )
@@ -131,7 +131,10 @@ def run_key(simulation: Simulation) -> str:
 
 
 def _own_modules(simulation: Simulation) -> list[str]:
-    """Texts of the modules of the user's own laws, of which the description has one function."""
+    """Source texts of the modules of the user's own laws.
+
+    The description of a simulation has only the law's function, which may call others there.
+    """
     acting: list[Any] = [*simulation.loads.values()]
     for joint in simulation.mechanism.clearance.values():
         acting += [getattr(joint, field.name) for field in dataclasses.fields(joint)]
@@ -139,11 +142,11 @@ def _own_modules(simulation: Simulation) -> list[str]:
     return [file.read_text(encoding="utf-8") for name in names for file in files_with(name)]
 
 
-# What a static error is worth: the tool's error in dynamic runs of the same mechanism.
+# Verification of a static error: the tool's error in dynamic runs of the same mechanism.
 
 
 _FINER = (1.0, 0.2)
-"""Steps that are tried, relative: a jammed journal may break out with the first."""
+"""Steps that are tried in turn, relative: with the first a jammed journal may break out."""
 
 
 @dataclass(frozen=True)
@@ -151,11 +154,11 @@ class DynamicError:
     """Distance of the tool from the ideal mechanism's in perturbed runs, from `since` on."""
 
     peak: np.ndarray
-    """Of each run [m]."""
+    """Largest distance in each run [m]."""
     rms: np.ndarray
-    """Of each run [m]."""
+    """RMS distance in each run [m]."""
     since: float
-    """Before it the journals fall from the centre of their bearings [s]."""
+    """Time from which it is judged; before, journals fall from their bearings' centres [s]."""
     step: float
     """Time step of the runs [s]."""
 
@@ -179,9 +182,10 @@ def dynamic_error(
     """Tool's error against the ideal mechanism in runs whose journals start displaced at random.
 
     Args:
-        mechanism, motion: what is run, with play.
-        simulation: whose drives, payloads and settings are used; None takes the usual ones.
-        runs, jobs, progress: see `traces`.
+        mechanism, motion: the mechanism with play, and its motion.
+        simulation: gives drives, payloads and settings; None takes the defaults.
+        runs: number of perturbed runs.
+        jobs, progress: see `traces`.
 
     Raises:
         JointplayError: a run that failed; fewer than one run.
@@ -211,4 +215,4 @@ def dynamic_error(
         size = np.linalg.norm(errors(courses, ideal)[:, judged], axis=2)
         rms = rms_in_time(ideal.time[judged], size.T)
         return DynamicError(size.max(axis=1), rms, since, step)
-    raise JointplayError(f"to verify: {failed}")
+    raise JointplayError(f"verification by runs failed: {failed}")

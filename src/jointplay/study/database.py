@@ -1,12 +1,12 @@
-"""Rows of cases in a file of SQLite, each with its checksum, and what they are of.
+"""Files of SQLite with a row for each case, each row with its checksum, and a description.
 
-Any tool reads the file: table ``cases`` has a row for each case, table ``about`` a text of JSON,
-twice. SQLite finds one flipped bit in ten, so each row has a checksum of all that it says and of
-the number of its file; what does not match is not read.
+Any tool can read the file: table ``cases`` has a row for each case, table ``about`` a JSON text,
+twice. SQLite itself finds one flipped bit in ten, so each row has a checksum of its content and of
+the file's random number; rows that do not match are not read.
 
-Rows are only added, one at a time, each at once and whole. While the file is written there is a
-write-ahead log beside it; killed, nothing in either is lost, and after a power failure at most what
-is younger than `SYNC_S`.
+Rows are only added, one at a time, each atomically. While the file is written there is a
+write-ahead log beside it; if the process is killed nothing is lost, and after a power failure at
+most what is younger than `SYNC_S`.
 
 A stranger's file runs nothing and opens no other file: before a row is read its schema must be, to
 the letter, what `Rows` makes, so there are no views, triggers or virtual tables; extensions are
@@ -42,24 +42,25 @@ FORMAT = 5
 KINDS = {"REAL": "float64", "INTEGER": "int64", "BOOLEAN": "bool", "TEXT": "object"}
 """Types of columns, and of the arrays that hold them."""
 MOST_COLUMNS = 1990
-"""Columns, at most: ten fewer than SQLite is built for by default."""
+"""Most columns: ten fewer than SQLite is built for by default."""
 MOST_BYTES = 1 << 28
-"""A text, at most [bytes]."""
+"""Most bytes of a text."""
 AT_ONCE = 4096
 """Rows that are read together."""
 SYNC_S = 1.0
-"""What a power failure can take is no older than this [s]."""
+"""Time between synchronisations with the disk: the most that a power failure can take [s]."""
 LOCKED_S = 30.0
-"""How long another program may hold the file before that is an error [s]."""
+"""Time for which another program may hold the file before that is an error [s]."""
 _SEAL_BYTES = 8
-"""Of a checksum: one change in 2⁶⁴ would go unnoticed."""
+"""Length of a checksum: one change in 2⁶⁴ would go unnoticed."""
 _SUPER = b"\xd9\xd5\x05\xf9\x20\xa1\x63\xd7"
-"""How a rollback journal ends that names another file (SQLite's file format, section 3)."""
+"""End of a rollback journal that names another file (SQLite's file format, section 3)."""
 _OTHER_TYPE = ValueError, TypeError, OverflowError
-"""What is raised over a value that its column cannot have."""
+"""Errors raised by a value that its column cannot have."""
 _UNREADABLE = (sqlite3.Error, UnicodeDecodeError)
-"""What sqlite3 raises of a damaged file; the second where SQLite's message quotes its bytes."""
+"""Errors raised by a damaged file; the second where SQLite's message quotes its bytes."""
 _ABOUT = "CREATE TABLE about (content TEXT, checksum TEXT)"
+"""Schema of the table of descriptions."""
 
 
 @dataclass(frozen=True)
@@ -77,7 +78,7 @@ def is_there(folder: Path, go_on: bool) -> bool:
     """Whether a folder has a sweep already.
 
     Raises:
-        JointplayError: it has and may not (`go_on`), or it has other things in it.
+        JointplayError: it has, and is not to be continued (`go_on`); or it holds other files.
     """
     present = files.is_file(folder / FILE)
     if present and not go_on:
@@ -86,7 +87,8 @@ def is_there(folder: Path, go_on: bool) -> bool:
         )
     if not present and files.is_folder(folder):
         for file in folder.iterdir():
-            if not (file.name.startswith(f".{FILE}.") and file.suffix == ".part"):  # of a kill
+            # A killed process may have left such a part.
+            if not (file.name.startswith(f".{FILE}.") and file.suffix == ".part"):
                 raise JointplayError(
                     f"{str(folder)!r} is a folder that holds other files; choose another name"
                 )
@@ -94,7 +96,7 @@ def is_there(folder: Path, go_on: bool) -> bool:
 
 
 def identifiers(columns: Sequence[Column]) -> list[str]:
-    """What columns are called in SQL, quoted: SQLite does not tell A from a."""
+    """Names of columns in SQL, quoted, and distinct without regard to case, as SQLite wants."""
     used, names = {"place", "checksum"}, []
     for column in columns:
         name, number = column.name, 1
@@ -113,27 +115,28 @@ def _declared(columns: Sequence[Column]) -> list[str]:
 
 
 def _cases(columns: Sequence[Column]) -> str:
+    """Schema of the table of cases."""
     return f"CREATE TABLE cases ({', '.join(['place TEXT', 'checksum BLOB', *_declared(columns)])})"
 
 
 class Rows:
     """A file of cases.
 
-    A row has a place, which is a text and which no other row has, and a value for each column; of
-    numbers (``REAL``) NaN if there is none.
+    A row has a place, a text that no other row has, and a value for each column; missing numbers
+    (``REAL``) are NaN.
 
     Args:
-        path: the file, which is there; `make` makes it.
+        path: the file, which must exist; `make` creates it.
         write: whether it is written to, by this process alone.
-        noun: what it is, for messages.
+        noun: what the file is called in messages.
 
     Attributes:
-        about: what it is of, plain data.
-        columns: of the table, without place and checksum.
-        whole: whether nothing was damaged of what has been read so far.
+        about: description of the file, plain data.
+        columns: columns of the table, without place and checksum.
+        intact: whether all that has been read so far was undamaged.
 
     Raises:
-        JointplayError: it cannot be read, is damaged, or none of ours.
+        JointplayError: it cannot be read, is damaged, or is another kind of file.
     """
 
     def __init__(self, path: Path, write: bool = False, noun: str = "sweep") -> None:
@@ -145,15 +148,20 @@ class Rows:
     def make(
         cls, path: Path, about: Mapping[str, Any], columns: Sequence[Column], noun: str = "sweep"
     ) -> Rows:
-        """Make a file without cases, and open it to write."""
+        """Create a file without cases, and open it for writing."""
         content = _content({**about, "store": secrets.token_hex(16)}, columns)
-        with closing(_fresh(content, columns)) as fresh:
+        with closing(sqlite3.connect(":memory:", isolation_level=None)) as fresh:
+            fresh.execute(_ABOUT)
+            fresh.execute(_cases(columns))
+            for _ in range(2):
+                fresh.execute("INSERT INTO about VALUES (?, ?)", (content, _checksum(content)))
             files.write(path, fresh.serialize(), overwrite=True, announced=False)
         return cls(path, write=True, noun=noun)
 
     def _open(self) -> None:
         self._check_files()
-        # A journal is of a process that was killed as it wrote: whoever reads sets the file right.
+        # A journal is left by a process that was killed while writing: SQLite then has to repair
+        # the file, for which it must be open for writing.
         mode = "rw" if self._write or os.path.lexists(f"{self.path}-journal") else "ro"
         if not self._write and self._is_without_its_log():  # SQLite would make files beside it
             mode += "&immutable=1"
@@ -169,7 +177,7 @@ class Rows:
                     self.connection.execute(f"PRAGMA {pragma}")
                 if not self._write:
                     self.connection.execute("PRAGMA query_only=ON")
-                    self.connection.execute("BEGIN")  # all of it is read as it is now
+                    self.connection.execute("BEGIN")  # one state of the file for all reading
                 self._read_about()
                 if self._write:
                     self.connection.execute("PRAGMA journal_mode=WAL")
@@ -179,26 +187,28 @@ class Rows:
                 raise
 
     def _check_files(self) -> None:
-        """Refuse what is no file of the folder, or has SQLite touch another one."""
+        """Raise a JointplayError if a file is not regular, or would have SQLite touch another."""
         for ending in ("", "-wal", "-shm", "-journal"):
             file = self.path.with_name(self.path.name + ending)
             with files.system_errors(f"cannot read {str(file)!r}"):
                 if not os.path.lexists(file):
                     continue
                 if not stat.S_ISREG(file.lstat().st_mode):
-                    raise damaged(file, self._noun, "it is no regular file")
+                    raise damaged(file, self._noun, "it is not a regular file")
                 if ending == "-journal" and file.read_bytes().endswith(_SUPER):
                     raise damaged(file, self._noun, "it names another file")
 
     def _is_without_its_log(self) -> bool:
-        """Whether the file says that a write-ahead log belongs to it, and there is none."""
+        """Whether the header says that a write-ahead log is in use, and there is none."""
         with files.system_errors(f"cannot read {str(self.path)!r}"), self.path.open("rb") as file:
             header = file.read(20)
         log = self.path.with_name(f"{self.path.name}-wal")
         return header[18:] == b"\2\2" and not os.path.lexists(log)
 
     def _read_about(self) -> None:
-        """Read what the file is of, from whichever of the two that is whole."""
+        """Read the description, from the first of its two copies that is intact."""
+        # Nothing of a file is read before its schema is found to be that of `make`, first of the
+        # description, then, with the columns that this declares, of the cases.
         execute = self.connection.execute
         schema = execute("SELECT type, sql FROM sqlite_master ORDER BY rowid").fetchmany(3)
         content = None
@@ -213,7 +223,7 @@ class Rows:
             else:
                 self.intact = False
         if content is None:
-            raise damaged(self.path, self._noun, "what it says of itself does not match its seal")
+            raise damaged(self.path, self._noun, "its description does not match its checksum")
         try:
             self.about: dict[str, Any] = json.loads(content)
             declared = self.about.pop("columns")
@@ -234,22 +244,22 @@ class Rows:
     # ---- Read -----------------------------------------------------------------------------------
 
     def blocks(self, most: int) -> Iterator[tuple[list[str], dict[str, np.ndarray]]]:
-        """Places of rows, some at a time, and their values by column.
+        """Yield the places of some rows at a time, and their values by column.
 
         Args:
-            most: there can be, by what the file is of.
+            most: largest number of rows that the file can have.
 
         Raises:
-            JointplayError: a row is damaged. If the file is written to such rows are left out, and
-                `intact` says so.
+            JointplayError: a row is damaged. If the file is open for writing, such rows are left
+                out instead, and `intact` becomes false.
         """
         seen: set[str] = set()
         for rows in self._read(most):
             try:
                 places, columns, good = self._checked(rows)
-            except _OTHER_TYPE:
+            except _OTHER_TYPE:  # a value of some row has another type: check row by row
                 typed = [row for row in rows if self._is_good(row)]
-                self._hurt("a row has a value of another type")
+                self._report_damage("a row has a value of another type")
                 if not typed:
                     continue
                 places, columns, good = self._checked(typed)
@@ -259,15 +269,16 @@ class Rows:
                     seen.add(place)
                     indices.append(k)
                     continue
-                self._hurt(f"the row of case {place!r:.60} does not match its checksum, or is "
-                           "there twice")  # fmt: skip
+                self._report_damage(
+                    f"the row of case {place!r:.60} does not match its checksum, or is there twice"
+                )
             if len(indices) == len(places):
                 yield places, columns
             elif indices:
                 some = {name: c[indices] for name, c in columns.items()}
                 yield [places[k] for k in indices], some
 
-    def _hurt(self, reason: str) -> None:
+    def _report_damage(self, reason: str) -> None:
         self.intact = False
         if not self._write:
             raise JointplayError(
@@ -275,7 +286,7 @@ class Rows:
             )
 
     def _read(self, most: int) -> Iterator[list[Any]]:
-        """Rows as they stand there; of a file that is damaged those that can be read."""
+        """Yield rows unchecked, some at a time; of a damaged file those that can be read singly."""
         names = ", ".join(["place", "checksum", *identifiers(self.columns)])
         count = 0
         try:
@@ -288,7 +299,7 @@ class Rows:
         except _UNREADABLE as error:
             if isinstance(reported := self._explained(error), _Elsewhere):
                 raise reported from None
-            self._hurt(str(error))
+            self._report_damage(str(error))
             one_row = f"SELECT {names} FROM cases WHERE rowid = ?"
             for number in range(1, most + 1):
                 with suppress(sqlite3.DatabaseError):
@@ -296,7 +307,7 @@ class Rows:
                         yield rows
 
     def _checked(self, rows: Sequence[Any]) -> tuple[list[str], dict[str, np.ndarray], list[bool]]:
-        """Places of rows, their values by column, and whether they match their checksums."""
+        """Places of rows, their values by column, and whether each matches its checksum."""
         places, seals, *values_of = zip(*rows, strict=True)
         columns = {
             c.name: np.array(values, KINDS[c.kind])
@@ -313,15 +324,16 @@ class Rows:
     def _seals(
         self, places: Sequence[str], values: Sequence[Any], columns: Mapping[str, np.ndarray]
     ) -> list[bytes]:
-        """Checksums of rows: the number of the file, texts and whole numbers, then real numbers.
+        """Checksums of rows: of the file's number, texts and integers, then of real numbers.
 
-        Those behind the last that is no NaN are left out, so that further columns change nothing.
+        Real numbers behind the last that is not NaN are left out, so that columns added later
+        change no checksum.
         """
         real = [columns[c.name] for c in self.columns if c.kind == "REAL"]
         numbers = np.array(real, "<f8").reshape(len(real), len(places)).T
         known = ~np.isnan(numbers)
         sizes = np.where(known, np.arange(8, 8 * len(real) + 8, 8), 0).max(axis=1, initial=0)
-        data = memoryview(np.where(known, numbers + 0.0, np.nan).tobytes())  # no zero has a sign
+        data = memoryview(np.where(known, numbers + 0.0, np.nan).tobytes())  # -0.0 becomes 0.0
         plain = [x for c, x in zip(self.columns, values, strict=True) if c.kind != "REAL"]
         texts = zip(places, *([str(x) for x in c] for c in plain), strict=True)
         begun, begin, seals = hashlib.sha256(self._store.encode()), 0, []
@@ -336,7 +348,7 @@ class Rows:
     # ---- Write ----------------------------------------------------------------------------------
 
     def add(self, place: str, values: Mapping[str, Any]) -> None:
-        """Add a row, whose columns are there: on return it survives this process.
+        """Add a row for existing columns: once this returns, it survives the end of the process.
 
         Raises:
             JointplayError: the disk is full; the rows before are kept.
@@ -355,7 +367,7 @@ class Rows:
         (seal,) = self._seals([place], single, columns)
         late = time.monotonic() - self._synced > SYNC_S
         with self._errors():
-            if late:  # which has all that was written before on disk as well
+            if late:  # this row's synchronisation puts all rows before it on disk as well
                 self.connection.execute("PRAGMA synchronous=FULL")
             sealed = (place, seal, *row)
             self.connection.execute(
@@ -366,7 +378,7 @@ class Rows:
                 self._synced = time.monotonic()
 
     def add_columns(self, columns: Sequence[Column]) -> None:
-        """Add columns of numbers, which rows so far do not have."""
+        """Add columns of numbers; rows so far have NaN there."""
         more = [*self.columns, *columns]
         with self._errors(), self._transaction():
             for declared in _declared(more)[len(self.columns) :]:
@@ -374,7 +386,7 @@ class Rows:
             self._write_about(self.about, more)
 
     def set_about(self, about: Mapping[str, Any]) -> None:
-        """Have the file say something else of itself, if it does not."""
+        """Replace the description of the file, if it differs."""
         about = {**about, "store": self._store}
         if about != self.about:
             with self._errors(), self._transaction():
@@ -403,9 +415,9 @@ class Rows:
         columns: Sequence[Column],
         rows: Iterable[tuple[str, Mapping[str, Any]]],
     ) -> None:
-        """Make the file anew, of these rows, which may be read from it meanwhile."""
+        """Replace the file by one of these rows, which may be read from it meanwhile."""
         part = self.path.with_name(f".{self.path.name}.part")
-        self._unlink(part)  # of a process that was killed
+        self._unlink(part)  # left by a process that was killed
         fresh = Rows.make(part, about, columns, self._noun)
         try:
             for place, values in rows:
@@ -424,7 +436,7 @@ class Rows:
             path.with_name(path.name + ending).unlink(missing_ok=True)
 
     def close(self) -> None:
-        """Let go of the file, which then has all, with no log beside it."""
+        """Close the file, which then holds everything, with no log beside it."""
         try:
             if self._write:
                 with suppress(sqlite3.Error):  # the disk is full, or another program is reading it
@@ -433,7 +445,7 @@ class Rows:
             with suppress(sqlite3.Error):
                 self.connection.close()
 
-    # ---- What SQLite says -----------------------------------------------------------------------
+    # ---- Errors of SQLite -----------------------------------------------------------------------
 
     @contextmanager
     def _errors(self) -> Iterator[None]:
@@ -452,7 +464,7 @@ class Rows:
         if name.startswith(("SQLITE_IOERR", "SQLITE_CANTOPEN", "SQLITE_READONLY")):
             if not self._write:
                 return _Elsewhere(f"cannot read {str(self.path)!r}: {error}")
-            try:  # SQLite does not say why
+            try:  # SQLite does not say why: writing something else tells
                 with tempfile.TemporaryFile(dir=self.path.parent) as probe:
                     probe.write(bytes(1 << 16))
             except OSError as reason:
@@ -462,7 +474,7 @@ class Rows:
 
 
 class _Elsewhere(JointplayError):
-    """An error that is none of the file's content."""
+    """An error whose cause is not the file's content."""
 
 
 def _content(about: Mapping[str, Any], columns: Sequence[Column]) -> str:
@@ -472,13 +484,3 @@ def _content(about: Mapping[str, Any], columns: Sequence[Column]) -> str:
 
 def _checksum(content: str) -> str:
     return hashlib.sha256(content.encode()).hexdigest()
-
-
-def _fresh(content: str, columns: Sequence[Column]) -> sqlite3.Connection:
-    """A file without cases, in memory."""
-    connection = sqlite3.connect(":memory:", isolation_level=None)
-    connection.execute(_ABOUT)
-    connection.execute(_cases(columns))
-    for _ in range(2):
-        connection.execute("INSERT INTO about VALUES (?, ?)", (content, _checksum(content)))
-    return connection

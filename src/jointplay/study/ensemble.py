@@ -1,4 +1,4 @@
-"""Many runs: perturbed starts, other values, whatever simulations there are, on all cores."""
+"""Ensembles: any collection of simulations, such as perturbed starts, run on all cores."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ if TYPE_CHECKING:
     from jointplay.simulation.simulation import Simulation
 
 BAR_AFTER_S = 2.0
-"""What takes no longer shows no bar [s]."""
+"""Ensembles that take no longer than this show no progress bar [s]."""
 
 
 class EnsembleInterrupted(KeyboardInterrupt):
-    """An ensemble was told to stop.
+    """An ensemble was interrupted.
 
     Attributes:
-        finished: what was kept of the simulations that were finished, by their place.
+        finished: the values of the finished simulations, by their place in the ensemble.
     """
 
     def __init__(self, finished: Mapping[int, Any]) -> None:
@@ -44,28 +44,28 @@ def ensemble(
 ) -> list[Any]:
     """Run many simulations, on all cores: `[keep(one.run()) for one in simulations]`.
 
-    The same bit for bit, whatever `jobs`: each run has one core to itself.
+    Results are the same bit for bit for any `jobs`: each run has one core to itself.
 
         seeds = [dataclasses.replace(simulation, seed=seed) for seed in range(100)]
         peaks = jp.ensemble(seeds, keep=peak_force)
 
     Args:
         simulations: any number; a generator is asked for the next one when a process is free.
-        jobs: processes; None takes one for each core, 1 runs here.
-        keep: what is wanted of a result. It runs where the simulation ran, so that memory does not
-            grow with the number of runs; it, and what it returns, must be such as `pickle` takes: a
-            function of a module, no lambda. None: the results themselves.
-        progress: show a bar with the time left, if it takes more than `BAR_AFTER_S`.
+        jobs: processes; None takes one for each core, 1 runs in this process.
+        keep: function of a result, whose value is kept. It runs where the simulation ran, so that
+            memory does not grow with the number of runs; it and its value must be picklable: a
+            function of a module, no lambda. None keeps the results themselves.
+        progress: show a bar with the time left, if the ensemble takes more than `BAR_AFTER_S`.
         check_step: see `Run.finish`.
 
     Returns:
-        What `keep` returned, in the order of the simulations. As from `Simulation.run`, a result
+        The values of `keep`, in the order of the simulations. As with `Simulation.run`, a result
         may be of a run that stopped early, with a warning; `Result.completed` makes that an error.
 
     Raises:
         JointplayError: one of them cannot be run, or its process was killed; `where` is
             ``("simulations", 3)``.
-        EnsembleInterrupted: Ctrl-C; a KeyboardInterrupt that has what was finished.
+        EnsembleInterrupted: Ctrl-C; a KeyboardInterrupt with the values of the finished runs.
     """
     require_a("simulations", simulations, "Iterable")
     values: dict[int, Any] = {}
@@ -84,7 +84,7 @@ def ensemble(
 def _run(
     keep: Callable[[Result], Any] | None, check_step: bool, simulation: Simulation
 ) -> tuple[Any, list[tuple[type[Warning], str]]]:
-    """What is kept of a run, and the warnings that it gave."""
+    """The value kept of a run, and the warnings that the run gave."""
     require_a("simulation", simulation, "Simulation")
     with warnings.catch_warnings(record=True) as warned:
         warnings.simplefilter("always")

@@ -1,8 +1,9 @@
 """Hunting: does a position servo with play in its gear oscillate at rest?
 
-Joints are released from several starts aside (`released`), with play and without, and what becomes
-of them is judged (`swings`). A describing function of the play, the first harmonic of what a gap
-makes of a sine, is the screen beside servos; it is derived here, and tested by integration.
+Joints are released from several starts beside their goal (`released`), with play and without, and
+what they do in the end is judged (`swings`): limit cycle, rest, or unclear. For servos a harmonic
+balance predicts the limit cycle beside that, with the describing function of the play, the first
+harmonic of what a gap makes of a sine; it is derived here, and tested by integration.
 """
 
 from __future__ import annotations
@@ -30,104 +31,112 @@ from jointplay.study.study import Memory, Study
 from jointplay.study.swings import DIVERGES, LONGEST_S, QUIET, Swing, Trial, swings
 
 STARTS = (0.5, 2.0, 8.0)
-"""How far joint and motor start from the goal, in plays of the gear (judged: a small swing, one of
-the size that play makes last, and a large one)."""
+"""Distances from the goal at which joint and motor start, in plays of the gear (judged: a small
+swing, one of the size that play sustains, and a large one)."""
 
 SEARCH_S, MAP_S = 60.0, 12.0
-"""How long a run under a controller lasts at most that looks for a gain, or makes a map: there are
-many, and more of them are unclear than of those that last `LONGEST_S`."""
+"""Longest run under a controller in a search for a gain, and in a map [s]: these make many runs,
+and leave more of them unclear than runs of `LONGEST_S` do."""
 
 REACH = 6
-"""A gain is doubled so many times until it hunts, and halved until it is quiet: 64 times either way
-(judged: beyond it the joint has other faults)."""
+"""Times that a gain is doubled at most until it hunts, and halved until it is quiet: a factor of 64
+either way (judged: beyond it the joint has other faults)."""
 
 BETWEEN = 7
-"""Gains that are tried between the largest quiet and the smallest that hunts, twice: of a factor of
-two 2^(1/64), 1 %, is left."""
+"""Gains tried between the largest quiet and the smallest that hunts; done twice, which narrows a
+factor of two to 2^(1/64), 1 %."""
 
-# The screen.
+# Prediction by the describing function.
 
 
 def describing_function(ratio: np.ndarray | float) -> np.ndarray:
-    """Gain of a gap for a sine: N = 1 - 2/pi [asin r + r sqrt(1 - r^2)], r half the gap over the
-    amplitude, any shape; 0 within the gap.
+    """Describing function of a gap: N = 1 - 2/pi [asin r + r sqrt(1 - r^2)], the gain of its first
+    harmonic for a sine; r is half the gap over the amplitude, any shape; 0 within the gap.
     """
     r = np.minimum(ratio, 1.0)
     return np.asarray(1.0 - 2.0 / math.pi * (np.arcsin(r) + r * np.sqrt(1.0 - r * r)))
 
 
 COARSE = 500
-"""Frequencies of a prediction of which only whether it hunts is shown: of 150 random joints one is
-told otherwise than with 8000. The 2000 of others have the frequency within 0.5 %."""
+"""Frequencies of a prediction that only has to say whether the joint hunts: 1 of 150 random joints
+is judged otherwise than with 8000. The default number has the frequency within 0.5 %."""
 
 
-def predicted(axis: Axis, motions: int = 2000) -> Swing:
-    """The largest swing for which play, taken by its describing function, closes the loop.
+def predicted(axis: Axis, frequencies: int = 2000) -> Swing:
+    """Largest limit cycle by harmonic balance, with the describing function N of the play.
 
-    1 + (K + i w d) N(A) G(i w) = 0 with the twist's amplitude A; the motor's dry friction F counts
-    as a damper F/hypot(pi V/4, v_s) at its amplitude of speed V (within 4 % the first harmonic of
-    F tanh(v/v_s)), sampling as a delay of half a period. No load, dead band, counts, limit of the
-    supply or friction with bristles is in it. Worst with an I term (docs/drives.md).
+    1 + (K + i w d) N(A) G(i w) = 0, A being the amplitude of the gear's twist; G, the twist that a
+    torque of the teeth causes, has the motor under its control and the link. The motor's dry
+    friction F counts as a damper F/hypot(pi V/4, v_s) at its amplitude of speed V (within 4 % the
+    first harmonic of F tanh(v/v_s)), sampling as a delay of half a period. Left out: load, dead
+    band, counts, the supply's limit, friction with bristles. Worst with an I term (docs/drives.md).
     """
     servo, gear = axis.drive, axis.gear
     if not isinstance(servo, Servo):
         return QUIET
-    s = 2j * math.pi * np.logspace(-2.0, 2.5, motions)
+    s = 2j * math.pi * np.logspace(-2.0, 2.5, frequencies)
     w = s.imag
     control = servo.stall * (servo.p_gain + servo.i_gain / s + servo.d_gain * s)
     control = control * np.exp(-0.5 * s * (servo.period or 0.0))
     loss, spring = gear.losses, gear.steepest + s * gear.damping
-    link = axis.inertia * s * s + axis.friction.viscous * s
+    link = axis.inertia * s * s + axis.friction.viscous * s  # torque per motion of the link
     viscous = servo.braking + servo.viscous + loss.viscous
     dry, half = servo.friction + loss.running, 0.5 * gear.play
-    creeps = 1e-9 if servo.presliding else JOINT_FRICTION_SPEED
-    damper = np.zeros(motions)
+    least_speed = 1e-9 if servo.presliding else JOINT_FRICTION_SPEED
+    # The friction's equivalent damper depends on the amplitude, and that on the damper: a fixed
+    # point, found at every frequency at once by damped iteration.
+    damper = np.zeros(frequencies)
     for _ in range(60):
         motor = gear.rotor_inertia * s * s + (viscous + damper) * s
         on_link = servo.encoder == "link"
-        per_torque = (1.0 + control / link) / motor if on_link else 1.0 / (motor + control)
-        gain = -1.0 / (spring * (per_torque + 1.0 / link))
+        # Motion of the motor, then of the twist, per torque of the teeth: its inverse, over the
+        # spring, is the gain that the gap must have for the loop to close.
+        motor_motion = (1.0 + control / link) / motor if on_link else 1.0 / (motor + control)
+        gain = -1.0 / (spring * (motor_motion + 1.0 / link))
         ratio = _ratio_of(np.clip(gain.real, 1e-9, 1.0 - 1e-9))
-        speed = w * np.abs(half / ratio * per_torque / (per_torque + 1.0 / link))
-        damper = 0.5 * (damper + dry / np.hypot(0.25 * math.pi * speed, creeps))
+        speed = w * np.abs(half / ratio * motor_motion / (motor_motion + 1.0 / link))
+        damper = 0.5 * (damper + dry / np.hypot(0.25 * math.pi * speed, least_speed))
+    # N is real, between 0 and 1: the loop closes where the imaginary part changes its sign.
     crossings = np.flatnonzero((gain.imag[1:] > 0.0) != (gain.imag[:-1] > 0.0))
     crossings = crossings[(gain.real[crossings] > 1e-9) & (gain.real[crossings] < 1.0)]
     if not len(crossings):
         return QUIET
     best = crossings[np.argmax(half / ratio[crossings])]
     twist = half / ratio[best]
-    share = np.abs((1.0 / link) / (per_torque + 1.0 / link))[best]
-    return Swing(True, float(twist * share), float(w[best] / (2.0 * math.pi)), float(twist))
+    link_share = np.abs((1.0 / link) / (motor_motion + 1.0 / link))[best]
+    return Swing(True, float(twist * link_share), float(w[best] / (2.0 * math.pi)), float(twist))
 
 
 def _ratio_of(gain: np.ndarray) -> np.ndarray:
-    """Half the gap over the amplitude at which a gap has this gain, above 0 and below 1."""
+    """Inverse of `describing_function`, for gains above 0 and below 1."""
     ratios = np.linspace(0.0, 1.0, 4001)
+    # N falls with the ratio, and `interp` wants rising abscissae: hence the signs.
     return np.maximum(np.interp(-gain, -describing_function(ratios), ratios), 1e-9)
 
 
-# What is asked of the engine.
+# Runs of the engine.
 
 
 @dataclass(frozen=True)
 class Hunting:
-    """Whether a joint hunts."""
+    """Verdict on one joint: whether it hunts at rest, and up to which gain it does not."""
 
     axis: Axis
     swing: Swing
-    """The largest of all starts."""
+    """The largest swing over all starts."""
     control: Swing
-    """Likewise without play."""
+    """The largest swing over all starts without play."""
     screen: Swing
+    """The limit cycle that the describing function predicts."""
     gain: float | None
-    """The one that was varied; None: none."""
+    """Value of the gain that was varied; None: none was."""
     quiet: float | None
-    """Largest value of it at which all starts came to rest, below the smallest that hunts; None:
-    none. Of a `MultiAxis` all joints that were looked at."""
+    """Largest value of that gain at which all starts came to rest, below the smallest that hunts;
+    None: none. For a `MultiAxis` at rest means all of its joints that were looked at."""
     hunting: float | None
-    """Smallest one of those tried at which a start hunts; None: none."""
+    """Smallest value tried at which a start hunts; None: none."""
     above: Swing = QUIET
-    """Without play at `hunting`."""
+    """The largest swing without play at the gain `hunting`."""
 
     @property
     def verdict(self) -> str:
@@ -137,12 +146,12 @@ class Hunting:
 
 
 def _swing_rows(trial: Trial) -> Arrays:
-    """Swings of a trial as a store keeps them: a row for each axis."""
+    """Swings of a trial as the store keeps them: a row for each axis."""
     return {"swings": np.array(swings(trial), float)}
 
 
 def _key(trial: Trial) -> str:
-    """All that the swings of a trial depend on."""
+    """Key of a trial in the store: all that its swings depend on."""
     longest = "" if trial.longest is None else f"{trial.longest!r}"
     joints = ",".join(axis.joint for axis in trial.released.axes)
     inputs = run_key(trial.released.simulation(1.0))
@@ -158,7 +167,7 @@ def _swings_of(arrays: Arrays) -> list[Swing]:
 
 @contextmanager
 def store_in(path: Path | None) -> Iterator[Memory[Arrays]]:
-    """What keeps trials: a file, of which those that are there are not run again, or memory."""
+    """Store of trials: the file `path`, whose trials are not run again; None: memory."""
     if path is None:
         yield Memory[Arrays]()
         return
@@ -168,20 +177,20 @@ def store_in(path: Path | None) -> Iterator[Memory[Arrays]]:
 
 @dataclass(frozen=True)
 class Search:
-    """Runs from several starts."""
+    """Runs released joints from all starts, and keeps the largest swing of each."""
 
     starts: Sequence[float]
     longest: float | None
     jobs: int | None
     bar: ProgressBar
     store: Memory[Arrays] = field(default_factory=Memory)
-    """Has the trials that were run."""
+    """The trials that were run."""
 
     def largest(
         self, groups: Sequence[Released], play: bool, controlled: float = SEARCH_S
     ) -> list[list[Swing]]:
-        """The largest swing of each axis of each that is released; `controlled` is how long a run
-        under controllers lasts [s].
+        """Largest swing over all starts of each axis in each group; `controlled` is the longest run
+        under controllers [s].
         """
         limits = (None if isinstance(group, Axis) else controlled for group in groups)
         trials = [
@@ -203,20 +212,21 @@ class Search:
         ]
 
     def axis_swings(self, axes: Sequence[Axis], play: bool) -> list[Swing]:
-        """The largest swing of each axis."""
+        """Largest swing over all starts of each axis, each released alone."""
         return [swing for (swing,) in self.largest(axes, play)]
 
     def skip(self, count: int) -> None:
-        """So many that were planned need not be run."""
+        """Advance the bar past runs that were planned, from all starts, and are not needed."""
         self.bar.update(max(count, 0) * len(self.starts))
 
     def safe_gain(
         self, group: Released, gain: str, start_swings: Sequence[Swing]
     ) -> tuple[float | None, float | None]:
-        """The largest value that is quiet below the smallest that hunts, and that.
+        """Bracket of the gain's stability limit: the largest value that is quiet below the smallest
+        that hunts, and that smallest; None where there is none.
 
-        From its own value, at which it does `start_swings`: up until it hunts, down until it is
-        quiet, and between the two.
+        The search begins at the present value, at which the group does `start_swings`: doubled
+        until it hunts, halved until it is quiet, then refined between the two.
         """
         value = group.gains[gain]
         trials = {value: start_swings}
@@ -260,18 +270,18 @@ def hunting(
 
     Args:
         simulation, joints, pose: see `released`.
-        gain: that is varied, of `UNITS` or a parameter of an own controller; None: the P gain of
-            servos, none of controllers.
-        longest: motion, if it is not clear before whether swings last [s]; None: `DAY_S` under
-            servos, under controllers `LONGEST_S`, or `SEARCH_S` to look for the gain.
-        starts: how far aside runs begin, in plays of the gear.
+        gain: gain that is varied, of `UNITS`, or a parameter of the user's own controller; None:
+            the P gain of servos, none of controllers.
+        longest: longest motion, if whether swings last is not clear before [s]; None: `DAY_S` under
+            servos; under controllers `LONGEST_S`, or `SEARCH_S` in the search for the gain.
+        starts: distances from the goal at which runs begin, in plays of the gear.
         jobs: processes; None takes one for each core.
-        keep: file in which each run is kept as soon as it is done; those that are there are not
-            done again.
+        keep: file in which each run is kept as soon as it is done; runs that are there are not
+            made again.
         progress: show a bar.
 
     Raises:
-        JointplayError: no such joint or gain; none has play, or a servo; a run that stops.
+        JointplayError: no such joint or gain; no joint has play, or a servo; a run that stops.
     """
     if longest is not None:
         require_positive("longest run", longest, "s")
@@ -280,6 +290,8 @@ def hunting(
         _require_gain(group, gain := str(gain))
         if group.gains[gain] == 0.0:
             raise JointplayError(f"{gain} is 0: give a value that can be doubled and halved")
+    # Each group runs from all starts with play and without; where a gain varies, so do the gains
+    # that the search may try, and without play the one that hunts.
     varies = sum(gain is not None or isinstance(group, Axis) for group in groups)
     total = len(starts) * (2 * len(groups) + (1 + REACH + 2 * BETWEEN) * varies)
     with store_in(keep) as store, ProgressBar(disable=not progress, unit="run", total=total) as bar:
@@ -310,11 +322,11 @@ def _require_gain(group: Released, gain: str) -> None:
 
 
 Span = tuple[str, np.ndarray]
-"""A gain and its values."""
+"""Name of a gain, and the values that it takes in a map."""
 
 
 def read_span(text: str) -> Span:
-    """A gain and its values of ``p_gain=10:400:20``, evenly by factors unless from 0."""
+    """Read ``p_gain=10:400:20``: a gain and its values, evenly spaced by factors unless from 0."""
     usage = "--map GAIN=FROM:TO:COUNT, such as p_gain=10:400:20"
     gain, bounds = pair(text, usage)
     try:
@@ -330,20 +342,21 @@ def read_span(text: str) -> Span:
 
 @dataclass(frozen=True)
 class GainMap:
-    """Swings of a joint over two gains: arrays (second, first)."""
+    """Swings of a joint over two gains; arrays have shape (second, first)."""
 
     axis: Axis
     first: Span
     second: Span
     amplitude: np.ndarray
-    """Of the joint; 0 where it is quiet [rad or m]."""
+    """Amplitude of the joint; 0 where it is quiet [rad or m]."""
     frequency: np.ndarray
+    """Frequency of the swing; 0 where it is quiet [Hz]."""
     control: np.ndarray
     """Whether it hunts without play."""
     screen: np.ndarray
-    """Whether the describing function says so."""
+    """Whether it hunts by the describing function."""
     unclear: np.ndarray
-    """Whether its motion does not tell."""
+    """Whether the motion ended before it told."""
 
     @property
     def sentence(self) -> str:
@@ -352,7 +365,7 @@ class GainMap:
         text = f"{self.axis.joint} hunts at {int(hunts.sum())} of {hunts.size} pairs of gains"
         text += f", at {by_play} of them by its play" if hunts.any() else ""
         unclear = int(self.unclear.sum())
-        return f"{text}; at {unclear} a longer --time must tell" if unclear else text
+        return f"{text}; unclear at {unclear}: try a longer --time" if unclear else text
 
     @property
     def table(self) -> Table:
@@ -383,11 +396,11 @@ def gain_map(
 ) -> GainMap:
     """Run a joint at all pairs of two gains, with play and without, once each from one start.
 
-    No motion is longer than `longest` [s]; None: `DAY_S` under a servo, else `MAP_S`. Of `keep` see
-    `hunting`.
+    No motion is longer than `longest` [s]; None: `DAY_S` under a servo, else `MAP_S`. For `keep`
+    see `hunting`.
 
     Raises:
-        JointplayError: no such gain, twice the same, or several joints.
+        JointplayError: no such gain, twice the same gain, or several joints.
     """
     if longest is not None:
         require_positive("longest run", longest, "s")
@@ -417,7 +430,7 @@ def gain_map(
 
 
 def table(answers: Sequence[Hunting], gain: str | None = None) -> Table:
-    """A row for each joint; `gain` is the one that was varied, None: the P gain of servos."""
+    """Table with a row for each joint; `gain` is the varied one, None: the P gain of servos."""
     axes = [answer.axis for answer in answers]
     name, unit = ("P gain", UNITS["p_gain"]) if gain is None else (gain, UNITS.get(gain, ""))
     return Table(
@@ -440,7 +453,7 @@ def table(answers: Sequence[Hunting], gain: str | None = None) -> Table:
 
 
 def sentence(answers: Sequence[Hunting]) -> str:
-    """What came out, in a line."""
+    """The result in one line: which joints hunt, with amplitude and frequency."""
     phrases = []
     for answer in answers:
         if answer.swing.hunts:
@@ -450,7 +463,7 @@ def sentence(answers: Sequence[Hunting]) -> str:
             motion = "without bounds" if swing == DIVERGES else motion
             phrases.append(f"{answer.axis.joint} {motion}{remark}")
     slow = [answer.axis.joint for answer in answers if answer.verdict == "unclear"]
-    unclear = f"; a longer --time must tell of {few(slow)}" if slow else ""
+    unclear = f"; unclear for {few(slow)}: try a longer --time" if slow else ""
     if not phrases:
         return f"{counted(len(answers), 'joint')} at rest: none hunts{unclear}"
     hunts = "hunts" if len(phrases) == 1 else "hunt"
@@ -459,15 +472,15 @@ def sentence(answers: Sequence[Hunting]) -> str:
 
 
 def notes(answers: Sequence[Hunting]) -> list[str]:
-    """What was assumed, a line each."""
+    """The assumptions behind the result, a line each."""
     loaded = [a.axis.joint for a in answers if a.axis.load]
     controlled = [a.axis.joint for a in answers if isinstance(a.axis.drive, Controller)]
     lines = [
-        "others held; the largest swing of all starts; predicted: by the describing function, "
-        "without load, dead band, counts and limit of the supply"
+        "all other joints are held; shown is the largest swing over all starts; predicted: by the "
+        "describing function, without load, dead band, counts and limit of the supply"
     ]
     if controlled:
-        lines.append(f"moving together under controllers of your own: {few(controlled)}")
+        lines.append(f"moved together by controllers of your own: {few(controlled)}")
     if loaded:
-        lines.append("a load that presses the teeth to one side calms: other poses may hunt")
+        lines.append("a load that presses the teeth to one side prevents hunting: try other poses")
     return lines

@@ -1,18 +1,19 @@
 """Figures of ISO 9283:1998 from simulated cycles.
 
 Manipulating industrial robots: performance criteria and related test methods. Of the standard only
-its pages of contents were seen (numbers and titles of the clauses, public previews); formulas,
+the public previews of its contents were seen (numbers and titles of the clauses); formulas,
 conditions and numbers of cycles are from memory and from works about it. docs/iso9283.md defines
 each figure; `TITLES` has the clauses. Other figures of the standard are not calculated.
 
-Figures with a, b, c are of components in world axes of the rotation vector that turns the commanded
+Figures with a, b, c are components, in world axes, of the rotation vector that turns the commanded
 tool into the attained one: rotations by play are so small that the order in which the standard
 would count angles does not matter.
 
-What differs from a test of a robot: each cycle is a run of its own, whose journals and teeth begin
-displaced at random; and the command pose is where the ideal mechanism under the same drives is, so
-that only play and what gives way with it count, not the drives' lag, calibration, heat or the
-measurement. Stops of arms with play in gears are reached in three ways (`study.approaches`).
+Two things differ from a test of a real robot. Each cycle is a run of its own, whose journals and
+teeth begin displaced at random. And the command pose is where the ideal mechanism under the same
+drives is, so that only play and the compliance that goes with it count, not the drives' lag,
+calibration, heat or the measurement. Stops of arms with play in gears are reached in three ways
+(`study.approaches`).
 """
 
 from __future__ import annotations
@@ -52,28 +53,29 @@ TITLES = {
 }
 """Clause and title of the figures, by their symbols without suffix."""
 CONFIDENCE = 0.95
-"""Of the intervals (a convention)."""
+"""Confidence level of the intervals (a convention)."""
 RESAMPLES = 999
-"""Of the bootstrap: with 9999 the bounds of an RP move by up to 2 % of 30 cycles, 8 % of 10."""
+"""Resamples of the bootstrap: with 9999 the bounds of an RP move by up to 2 % with 30 cycles, 8 %
+with 10."""
 LEAST_CYCLES = 3
-"""With fewer, nothing can be said of the scatter."""
+"""Fewest cycles that say anything about the scatter."""
 PATH_POINTS = 100
-"""Most points along the path at which AT and RT are calculated (judged: of errors that bend ten
-times in a path they find the largest 2 % too small, 1000 points 0.3 %)."""
+"""Most points along the path at which AT and RT are calculated (judged: where the error bends ten
+times along a path they find its largest value 2 % too small, 1000 points 0.3 %)."""
 NO_SCATTER = 1e-7
-"""Scatter below which nothing differs from cycle to cycle [m]: no instrument shows it, and runs of
-another step differ by more."""
+"""Scatter below which cycles count as alike [m]: no instrument shows it, and runs with another step
+differ by more."""
 _MOVING = 0.02
-"""Part of its greatest speed above which the commanded tool is on a path (judged: a slower one has
-hardly a direction, and its error is a stop's)."""
+"""Fraction of its greatest speed above which the commanded tool is on a path (judged: below, it has
+hardly a direction, and its error is that of a stop)."""
 Figures = Mapping[str, IntervalEstimate]
 """Figures by symbol [m]; those with the suffix a, b or c are rotations about x, y and z [rad]."""
 Statistic = Callable[[np.ndarray], np.ndarray]
-"""Of points (..., cycles, m, 3)."""
+"""Function of points (..., cycles, m, 3)."""
 
 
 def pose_accuracy(points: np.ndarray) -> np.ndarray:
-    """Distance of the barycentre of the cycles from the command pose, at m points.
+    """Distance of the cycles' barycentre from the command pose, at m points.
 
     Args:
         points: attained less commanded, shape (..., cycles, m, 3) [m].
@@ -85,18 +87,22 @@ def pose_accuracy(points: np.ndarray) -> np.ndarray:
 
 
 def repeatability(points: np.ndarray) -> np.ndarray:
-    """mean(l) + 3 S_l, l being distances from the barycentre; shapes as in `pose_accuracy`."""
+    """mean(l) + 3 S_l, l being distances from the barycentre, S_l their standard deviation; shapes
+    as in `pose_accuracy`.
+    """
     distance = np.linalg.norm(points - points.mean(axis=-3, keepdims=True), axis=-1)
     return np.asarray(distance.mean(axis=-2) + 3.0 * distance.std(axis=-2, ddof=1))
 
 
 def largest(statistic: Statistic) -> Statistic:
-    """The statistic's largest value over the points."""
+    """The statistic that is the largest value of `statistic` over the points."""
     return lambda points: np.asarray(statistic(points).max(axis=-1))
 
 
 def bootstrap(points: np.ndarray, statistic: Statistic) -> IntervalEstimate:
-    """A statistic over the cycles, with its interval by the bias-corrected bootstrap (BCa)."""
+    """A statistic over the cycles with its confidence interval by the bootstrap: bias-corrected and
+    accelerated (BCa), or by percentiles where that fails; NaN where both do.
+    """
     value = float(statistic(points))
 
     def resampled(index: np.ndarray, axis: int = -1) -> np.ndarray:
@@ -137,7 +143,10 @@ def _largest_scatter(turns: np.ndarray) -> np.ndarray:
 
 
 def _orientation(kind: str, turns: np.ndarray | None) -> Figures:
-    """AP_a to RP_c of rotations (cycles, 3), AT_a to RT_c of those at points (cycles, m, 3)."""
+    """AP_a to RP_c from rotations (cycles, 3), AT_a to RT_c from those at points (cycles, m, 3).
+
+    `kind` is the second letter, P or T.
+    """
     if turns is None or not turns.size:
         return {}
     both = (_mean, _scatter) if turns.ndim == 2 else (_largest_mean, _largest_scatter)
@@ -149,7 +158,7 @@ def _orientation(kind: str, turns: np.ndarray | None) -> Figures:
 
 
 def turns_of(runs: Sequence[Trace], ideal: Trace) -> np.ndarray | None:
-    """Rotations of the tool from where it was to be, (cycles, records, 3) [rad].
+    """Rotation vectors from the ideal to the attained tool, (cycles, records, 3) [rad].
 
     None if the orientation was not recorded.
     """
@@ -165,7 +174,7 @@ _PHRASES = {
     "AP_p": "stops off its place by at most",
     "AT_p": "leaves its path by at most",
 }
-"""How the sentence puts figures."""
+"""Predicates of the sentence, by the symbol of the figure that they give."""
 
 
 def _unit(symbol: str) -> str:
@@ -173,7 +182,7 @@ def _unit(symbol: str) -> str:
 
 
 def _text(head: str, figures: Figures) -> str:
-    """Figures of a pose or of the path as text [mm, mrad]."""
+    """Text that lists figures of a pose or of the path under a heading [mm, mrad]."""
     rows = []
     for symbol, estimate in figures.items():
         kind, _, suffix = symbol.partition("_")
@@ -184,7 +193,7 @@ def _text(head: str, figures: Figures) -> str:
 
 
 def _rows(figures: Figures, time: str = "") -> list[tuple]:
-    """Figures as rows of the table: symbol, clause, time, value, interval, unit."""
+    """Rows of the table for figures: symbol, clause, time, value, interval, unit."""
     return [
         (symbol, TITLES[symbol.partition("_")[0]][0], time, interval.value, interval.low,
          interval.high, _unit(symbol))
@@ -194,12 +203,12 @@ def _rows(figures: Figures, time: str = "") -> list[tuple]:
 
 @dataclass(frozen=True)
 class Cycles:
-    """How many cycles the figures of each kind are taken from: the standard's numbers."""
+    """Numbers of cycles from which the figures are taken; the defaults are the standard's."""
 
     pose: int = 30
-    """AP, RP."""
+    """Cycles for AP and RP."""
     path: int = 10
-    """AT, RT."""
+    """Cycles for AT and RT."""
 
     def __post_init__(self) -> None:
         for count in fields(self):
@@ -214,7 +223,7 @@ class Cycles:
 
     @classmethod
     def up_to(cls, poses: int) -> Cycles:
-        """The standard's numbers, but `most` for poses, and at most as many for the path."""
+        """`poses` cycles for poses, and at most as many for the path, as the standard has it."""
         return cls(poses, min(cls.path, poses))
 
     @property
@@ -223,7 +232,7 @@ class Cycles:
 
     @property
     def fewer(self) -> list[str]:
-        """Kinds with fewer cycles than the standard asks for, with its number."""
+        """The standard's number of each kind that has fewer cycles, in words."""
         reduced = [kind for kind in fields(self) if getattr(self, kind.name) < kind.default]
         return [f"{kind.default} for {kind.name}" for kind in reduced]
 
@@ -233,46 +242,47 @@ class Cycles:
 
 @dataclass(frozen=True)
 class Pose:
-    """One stop."""
+    """The figures of one stop."""
 
     head: str
-    """Its number, time and cycles."""
+    """Number, time and cycles of the stop, its heading."""
     figures: Figures
     """AP_p; AP_x to AP_z with sign; RP_l; AP_a to RP_c."""
     time: float
-    """When the tool is looked at: the end of the stop [s]."""
+    """Time at which the tool's pose is taken, the end of the stop [s]."""
     attained: np.ndarray
-    """Where the tool is in each cycle, less where the ideal mechanism's is, (cycles, 3) [m]."""
+    """Position of the tool in each cycle less that of the ideal one, (cycles, 3) [m]."""
 
 
 @dataclass(frozen=True)
 class Iso9283:
-    """Figures of perturbed cycles. Statistical, of simulated runs."""
+    """Figures of perturbed cycles; statistical, from simulated runs."""
 
     cycles: Cycles
     poses: tuple[Pose, ...]
     path: Figures
-    """AT_p, RT_p, AT_a to RT_c; none if the tool describes no path after `since`."""
+    """AT_p, RT_p, AT_a to RT_c; empty if the tool describes no path after `since`."""
     path_times: np.ndarray
-    """Points of the path, shape (m,) [s]."""
+    """Times of the points of the path, shape (m,) [s]."""
     path_accuracy: np.ndarray
-    """Accuracy at each of them, shape (m,) [m]."""
+    """Accuracy at each point, shape (m,) [m]."""
     path_repeatability: np.ndarray
-    """Repeatability at each, shape (m,) [m]."""
+    """Repeatability at each point, shape (m,) [m]."""
     since: float
-    """Nothing before is judged [s]."""
+    """Time from which cycles are judged [s]."""
     conditions: str = ""
-    """Load, speed and poses that the cycles were run with (clauses 6.6 to 6.8)."""
+    """Load, speed and poses of the cycles (clauses 6.6 to 6.8)."""
     speed: float | None = None
-    """Part of the speed that counts as rated."""
+    """Speed of the cycles as a fraction of the motion's, which counts as rated."""
     approaches: Mapping[str, tuple[Pose, ...]] = field(default_factory=dict)
-    """Stops by the sides from which they are reached; `poses` are those from any side."""
+    """Stops by the way in which they are reached (`approaches.APPROACHES`); `poses` are those
+    reached from any side."""
     causes: tuple[str, ...] = ()
-    """What differs from cycle to cycle, and what is left out."""
+    """Notes on what differs from cycle to cycle, and on what is left out."""
 
     @property
     def _repeatability_phrase(self) -> str:
-        """How well it comes back to the worst of its stops."""
+        """Predicate that says how well the tool comes back to the worst of its stops."""
         stops = chain(self.poses, *self.approaches.values())
         if all(stop.figures["RP_l"].value < NO_SCATTER for stop in stops):
             return "comes back to each stop alike: nothing differs there from cycle to cycle"
@@ -300,7 +310,7 @@ class Iso9283:
 
     @property
     def _parts(self) -> list[tuple[str, Figures, str]]:
-        """Each pose and the path: its name, figures and time."""
+        """Heading, figures and time of each pose and of the path."""
         poses = [(pose.head, pose.figures, f"{pose.time:.6g}") for pose in self.poses]
         path = [(f"path, {self.cycles.path} cycles", self.path, "")] if self.path else []
         return [*poses, *path]
@@ -323,7 +333,7 @@ class Iso9283:
 
     @property
     def brief(self) -> Table:
-        """A row for each pose and the path: how accurate and how repeatable."""
+        """Table of accuracy and repeatability, with a row for each pose and for the path."""
         rows, columns = [], [approach for approach in self.approaches if approach != ANY_SIDE]
         for accuracy, repeatability in (("AP_p", "RP_l"), ("AT_p", "RT_p")):
             for k, (head, estimates, _) in enumerate(self._parts):
@@ -339,7 +349,7 @@ class Iso9283:
         return Table.of([*heads, *((approach, "m") for approach in columns)], rows)
 
     def __str__(self) -> str:
-        """All figures as text [mm, mrad]."""
+        """Text with all figures [mm, mrad]."""
         lines = [f"conditions: {self.conditions}"] if self.conditions else []
         lines += [_text(head, estimates) for head, estimates, _ in self._parts]
         for approach, poses in self.approaches.items():
@@ -352,7 +362,7 @@ class Iso9283:
 
     @property
     def table(self) -> Table:
-        """A row for each figure, lengths in m, angles in rad."""
+        """Table with a row for each figure, lengths in m, angles in rad."""
         rows = [row for _, estimates, time in self._parts for row in _rows(estimates, time)]
         for approach, poses in self.approaches.items():
             for pose in poses if approach != ANY_SIDE else ():
@@ -380,11 +390,11 @@ def iso9283(
     """Run perturbed cycles, and calculate their figures.
 
     Args:
-        simulation: one cycle of the machine; some joint or gear has play.
-        cycles: how many for figures of each kind; a number is that for poses, see `Cycles.up_to`.
-            Seeds are 1, 2, ... (or from the simulation's own seed on).
-        speed: part of the motion's speed at which it is run.
-        poses: where the stops are, for the conditions.
+        simulation: one cycle of the machine; some joint or gear must have play.
+        cycles: numbers of cycles; one number is that for poses, see `Cycles.up_to`. Seeds are
+            1, 2, ... (or from the simulation's own seed on).
+        speed: fraction of the motion's speed at which it is run.
+        poses: description of the stops, for the conditions.
         jobs, keep, progress: see `traces`.
 
     Raises:
@@ -398,6 +408,8 @@ def iso9283(
     conditions = f"load: {load}; speed: {100 * speed:g} % of the motion's; {poses}"
     simulation = at_speed(simulation, speed)
     assert simulation.motion is not None
+    # With play in gears the stops have cycles of their own, for each approach; the user's cycles
+    # then serve the path alone.
     geared = applies(simulation)
     path_cycles = replace(counts, pose=min(counts.pose, counts.path)) if geared else counts
     plans, causes, path_cycle = dict[str, list[Simulation]](), list[str](), simulation
@@ -409,6 +421,7 @@ def iso9283(
     n = len(runs)
     if geared:
         runs += [ideal_simulation(arm.reference()), *chain(*plans.values())]
+    # One study of all runs: the ideal path, cycles of the path, the ideal stops, cycles of stops.
     ideal, *courses = traces(runs, jobs=jobs, keep=keep, progress=progress, label="cycles")
     path_courses = courses[: n - 1]
     since = path_cycle.judged_from
@@ -431,7 +444,7 @@ def iso9283(
 
 
 def check(simulation: Simulation, speed: float = 1.0) -> None:
-    """Raise a JointplayError on what has no such figures, or cannot be run so."""
+    """Raise a JointplayError if a simulation has no such figures, or cannot be run."""
     if simulation.motion is None:
         raise JointplayError("ISO 9283 evaluates a motion, but this simulation has none")
     mechanism = simulation.mechanism
@@ -442,21 +455,21 @@ def check(simulation: Simulation, speed: float = 1.0) -> None:
 
 
 def cube_poses(centre: Sequence[float] | np.ndarray, edge: float) -> np.ndarray:
-    """The five positions of the test in a cube with edges along the world's axes (6.8).
+    """The five test positions in a cube with edges along the world's axes (6.8).
 
-    P1 is the cube's centre; P2 to P5 lie on the diagonals of a rectangle that a diagonal plane cuts
-    out of it, a tenth of their length from their ends. The plane is that through the two edges
+    P1 is the cube's centre; P2 to P5 lie on the diagonals of the rectangle that a diagonal plane
+    cuts out of it, a tenth of their length from their ends. The plane is that through the two edges
     along y at low x and z and at high x and z; the standard has four to choose from.
 
     Args:
-        centre: of the cube, world axes, shape (3,) [m].
-        edge: its length [m].
+        centre: centre of the cube, world axes, shape (3,) [m].
+        edge: length of its edges [m].
 
     Returns:
         P1 to P5, shape (5, 3) [m].
 
     Raises:
-        JointplayError: an edge that is not positive, a centre that is no place.
+        JointplayError: an edge that is not positive, a centre that is not three finite numbers.
     """
     middle = np.asarray(centre, float)
     if middle.shape != (3,) or not np.isfinite(middle).all():
@@ -466,7 +479,7 @@ def cube_poses(centre: Sequence[float] | np.ndarray, edge: float) -> np.ndarray:
 
 
 def in_cube(simulation: Simulation, centre: Sequence[float], edge: float) -> tuple[Simulation, str]:
-    """A simulation with the motion of `cube_motion` instead of its own; its poses, as a note."""
+    """The simulation with the motion of `cube_motion`, and a note on its poses."""
     motion = cube_motion(simulation.mechanism, centre, edge)
     position = ", ".join(f"{x:g}" for x in centre)
     note = f"poses: P1, P5, P4, P3, P2, P1 in a cube of {edge:g} m about ({position}) m"
@@ -481,20 +494,20 @@ def cube_motion(
     dwell: float = 0.5,
     start: dict[str, float] | None = None,
 ) -> Motion:
-    """From P1 through P5, P4, P3, P2 back to P1, at rest at each, as fast as the URDF allows.
+    """Motion from P1 through P5, P4, P3, P2 back to P1 with a rest at each, as fast as allowed.
 
-    Every way is a quintic in the joints; the fastest of them reaches the limit of its speed.
+    Each move is a quintic in the joints, during which one joint reaches its speed limit (URDF).
 
     Args:
-        mechanism: its tool is led, its orientation left free; in loops, the joints nearest to the
-            base are driven.
+        mechanism: the mechanism; its tool is led to the poses, the orientation left free; in loops,
+            the joints nearest to the base are driven.
         centre, edge: see `cube_poses`.
         dwell: rest at each pose [s].
         start: see `cartesian_motion`.
 
     Raises:
-        JointplayError: a pose out of reach, a joint that moves and has no limit of speed; loops
-            that the driven joints alone would assemble otherwise.
+        JointplayError: a pose out of reach, a moving joint without a speed limit; loops that the
+            driven joints alone would assemble otherwise.
     """
     require_positive("dwell", dwell, "s")
     order = [0, 4, 3, 2, 1, 0]
@@ -537,15 +550,15 @@ def figures(
     """Figures of cycles that have been run, or measured.
 
     Args:
-        runs: the tool's course in each cycle, at the same times as `ideal`.
-        ideal: where the tool was to be.
-        motion: of the joints; it tells the stops.
-        since: nothing before is judged [s].
-        cycles: how many of them, from the first on, figures of each kind are taken from; None: the
-            standard's numbers as far as there are as many, and all for poses.
+        runs: the tool's trajectory in each cycle, at the same times as `ideal`.
+        ideal: the commanded trajectory of the tool.
+        motion: motion of the joints, from which the stops are found.
+        since: time from which cycles are judged [s].
+        cycles: numbers of cycles, from the first on; None: all for poses, and for the path the
+            standard's number, as far as there are as many.
 
     Raises:
-        JointplayError: too few cycles, or records at other times.
+        JointplayError: too few cycles, or records at other times than those of `ideal`.
     """
     counts = Cycles.up_to(len(runs)) if cycles is None else cycles
     if len(runs) < counts.runs:
@@ -578,7 +591,7 @@ def figures(
 
 
 def _poses(runs: Sequence[Trace], ideal: Trace, ends: np.ndarray, cycles: int) -> tuple[Pose, ...]:
-    """Figures of the first cycles at the ends of stops [s]."""
+    """Figures of the first `cycles` runs at the ends of stops [s]."""
     error, turns = errors(runs[:cycles], ideal), turns_of(runs[:cycles], ideal)
     poses = []
     for number, end in enumerate(ends, 1):
@@ -596,7 +609,7 @@ def _poses(runs: Sequence[Trace], ideal: Trace, ends: np.ndarray, cycles: int) -
 
 
 def _path(ideal: Trace, since: float) -> np.ndarray:
-    """Records evenly along the way of the commanded tool while it moves, shape (m,)."""
+    """Indices of records evenly along the commanded path, where the tool moves, shape (m,)."""
     speed = np.linalg.norm(ideal.velocity, axis=1)
     usable = np.flatnonzero((speed > _MOVING * speed.max()) & (ideal.time >= since))
     if not len(usable):
@@ -608,7 +621,7 @@ def _path(ideal: Trace, since: float) -> np.ndarray:
 
 
 def _across(error: np.ndarray, velocity: np.ndarray) -> np.ndarray:
-    """Part of errors (cycles, m, 3) across the commanded direction (m, 3)."""
+    """Component of errors (cycles, m, 3) perpendicular to the commanded velocity (m, 3)."""
     direction = velocity / np.linalg.norm(velocity, axis=1, keepdims=True)
     along = np.einsum("cmi,mi->cm", error, direction)
     return np.asarray(error - along[..., None] * direction)

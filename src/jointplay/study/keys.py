@@ -1,4 +1,4 @@
-"""Keys of a scenario by their dotted names: whether they exist, their units, values put at them."""
+"""Keys of a scenario by their dotted names: whether they exist, their units, and setting them."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ from jointplay.scenario.reading import Key, dotted
 _PART = re.compile(
     r"""(?P<quoted>"(?:[^"\\]|\\.)*"|'[^']*')|\[(?P<number>\d+)\]|(?P<word>[^."'\[\]]+)"""
 )
-"""A part of a key, quoted as in TOML where it has other signs than a word."""
+"""A part of a key: a word, an index in brackets, or a name quoted as in TOML."""
 NOT_SWEPT = ("title", "errors", "output", "cases", "sweep")
-"""Tables over which no sweep goes; runs have no errors."""
+"""Tables of the scenario whose keys do not change a run, so that no sweep may vary them."""
 
 
 def path_of(name: str) -> Key:
-    """The path that ``joints.joint_b.friction.mu_d`` or ``payloads[1].mass`` names.
+    """Path of a dotted name such as ``joints.joint_b.friction.mu_d`` or ``payloads[1].mass``.
 
-    Elements of lists are counted from 1 (`reading.dotted`), in the path from 0.
+    The name counts elements of lists from 1 (`reading.dotted`), the path from 0.
 
     Raises:
-        JointplayError: it names none.
+        JointplayError: not a dotted name.
     """
     parts: list[str | int] = []
     start = 0
@@ -60,17 +60,17 @@ def path_of(name: str) -> Key:
 
 
 class Kind(NamedTuple):
-    """A type that a value can have."""
+    """A type that the value of a key can have."""
 
     hint: Any
     units: tuple[str, ...] = ("",)
     """SI units of its numbers."""
     fields: Mapping[str, Field] = {}
-    """Of a table."""
+    """Fields by name, if the value is a table."""
 
 
 def _alternatives(hint: Any, units: tuple[str, ...] = ("",)) -> Iterator[Kind]:
-    """The types that a hint allows, each member of a family for itself."""
+    """The types that a hint allows: the parts of a union, and each member of a family."""
     family = family_of(hint)
     if get_origin(hint) in (Union, types.UnionType):
         for part in get_args(hint):
@@ -86,11 +86,12 @@ def _alternatives(hint: Any, units: tuple[str, ...] = ("",)) -> Iterator[Kind]:
 
 
 def kinds(path: Key) -> list[Kind]:
-    """What the values at `path` can be.
+    """Types that the value at `path` can have.
 
     Raises:
-        JointplayError: there is no such key; the nearest names are given.
+        JointplayError: there is no such key; gives the nearest names.
     """
+    # From part to part: the types of the tables at this depth, then of their entries.
     level = list(_alternatives(Model))
     for depth, part in enumerate(path):
         names = dict.fromkeys(name for kind in level for name in kind.fields)
@@ -111,12 +112,12 @@ def kinds(path: Key) -> list[Kind]:
             raise JointplayError(unknown_key(str(part), names) + location)
         level = children
     if path[0] in NOT_SWEPT:
-        raise JointplayError(f"no sweep goes over {path[0]!r}")
+        raise JointplayError(f"a sweep cannot vary {path[0]!r}")
     return level
 
 
 def units_of(path: Key) -> tuple[str, ...] | None:
-    """SI units that a quantity at `path` can have, ``("",)`` for a pure number; None: no quantity.
+    """SI units of the quantity at `path`, ``("",)`` for a pure number; None: not a quantity.
 
     Raises:
         JointplayError: there is no such key.
@@ -136,13 +137,16 @@ def set_key(changes: dict[str, Any], base: Mapping[str, Any], path: Key, value: 
     Raises:
         JointplayError: `base` has no such element of a list.
     """
+    # Down the path, in `changes` making tables as needed, and in `base` beside.
     table: Any = changes
     element: Any = base
     for depth, part in enumerate(path[:-1]):
         element = _element(element, part, path[: depth + 1])
         nested = table[part] if not isinstance(table, Mapping) or part in table else None
         if isinstance(element, str) and not isinstance(nested, Mapping):
-            nested = {"law" if path[0] == "joints" else "kind": element}  # a bare word
+            # A bare word stands for a table, which changes of its keys must still name.
+            nested = {"law" if path[0] == "joints" else "kind": element}
+        # Merging replaces a list as a whole, so a change of one element begins with a copy.
         if isinstance(path[depth + 1], int) and nested is None:
             nested = deepcopy(list(element)) if isinstance(element, Sequence) else []
         table[part] = {} if nested is None else nested
@@ -153,7 +157,7 @@ def set_key(changes: dict[str, Any], base: Mapping[str, Any], path: Key, value: 
 
 
 def _element(element: Any, part: str | int, path: Key) -> Any:
-    """What tables have at a key or index; None if nothing."""
+    """Entry of a table at a key, None if it has none, or element of a list at an index."""
     if isinstance(part, int):
         size = len(element) if isinstance(element, Sequence) else 0
         if part >= size:

@@ -1,4 +1,4 @@
-"""The numbers that a sweep keeps of every case."""
+"""Measures: the numbers that a sweep keeps of every case."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ if TYPE_CHECKING:
     from jointplay.simulation.simulation import Simulation
 
 COST = "cost"
-"""Name of the measure that no two runs share: seconds of processor time."""
+"""Name of the only measure that differs between equal runs: processor time [s]."""
 USER = "user"
 """Origin of the measures that a user's own functions return."""
 NUMERICAL_ERROR = "numerical_error_"
-"""What the names begin with of measures that say how far off a certified figure may be."""
+"""Prefix of the measures that give the numerical error of a certified figure."""
 BEARING = {
     "largest_element_load": ("N", "largest load of a rolling element"),
     "loaded_elements": ("1", "most rolling elements that bore load at a time"),
@@ -41,10 +41,11 @@ BEARING = {
 }
 """Measures of joints with a rolling bearing, with unit and meaning; `analysis.BearingLife`."""
 _JOINT_FORCE = {"peak": "joint_force_peak", "rms": "joint_force"}
+"""History from which each statistic of the joint forces is taken."""
 
 
 def shipped(joints: Sequence[str]) -> dict[str, tuple[str, str]]:
-    """Unit and meaning of all that `measure` can return but `NUMERICAL_ERROR`, by name."""
+    """Unit and meaning by name of all measures that `measure` can return, but `NUMERICAL_ERROR`."""
     meanings = {COST: ("s", "processor time of the case, its checks and its measures included")}
 
     def add(name: str, unit: str, text: str, where: str) -> None:
@@ -77,17 +78,11 @@ def shipped(joints: Sequence[str]) -> dict[str, tuple[str, str]]:
 
 
 def unit_and_meaning(name: str, joints: Sequence[str]) -> tuple[str, str] | None:
-    """Unit and meaning of a measure; None if it is a user's own."""
+    """Unit and meaning of a measure; None if it is of a user's own function."""
     if name.startswith(NUMERICAL_ERROR):
         figure = name.removeprefix(NUMERICAL_ERROR).replace("_", " ")
         return "", f"numerical error of the {figure}, from refined runs"
     return shipped(joints).get(name)
-
-
-def _of_figure(name: str) -> str:
-    """Name of the measure that says the numerical error of a certified figure."""
-    figure, _, joint = name.partition(", ")
-    return f"{NUMERICAL_ERROR}{figure.lower().replace(' ', '_')}{joint and f'_{joint}'}"
 
 
 def measure(
@@ -95,12 +90,13 @@ def measure(
 ) -> dict[str, float]:
     """Measures of a run, by name; `shipped` has their units.
 
-    What is before `Result.judge_from` is left out, but of what the run says of its own quality.
+    Only the time from `Result.judge_from` on counts, except in the measures of the run's quality
+    (energy error, resolution, warnings).
 
     Args:
         result: the run, completed.
-        error: the tool's `deviation`; None if it is not wanted.
-        joints: the joints that have clearance in some case, whose forces are wanted.
+        error: the tool's `deviation`; None: none is wanted.
+        joints: joints that have clearance in some case; the forces of each are wanted.
         rests: times at which the reference stands still [s].
     """
     measures: dict[str, float] = {}
@@ -112,6 +108,7 @@ def measure(
     audit = result.audit
     measures["impacts"] = float(audit.judged_impacts)
     measures["impulse"] = audit.judged_impulse
+    # Energy lost between the first judged record and the last.
     recorded = result.dataset.variables
     losses = {name: float(_since(result, name, judged)) for name in LOSSES if name in recorded}
     measures["dissipated_energy"] = sum(losses.values())
@@ -126,6 +123,7 @@ def measure(
             share = float(modes[mode] / max(judged.sum(), 1))
             measures[f"share_{mode.name.lower()}{suffix}"] = share
     measures |= dict(_bearings(result, joints, judged))
+    # The audit knows the deepest penetration of all steps, the histories that of records.
     whole_run = bool(judged.all())
     measures["penetration"] = audit.largest_penetration if whole_run else _deepest(result, judged)
     measures["energy_error"] = audit.relative_energy_residual
@@ -133,14 +131,16 @@ def measure(
     measures["warnings"] = float(len(audit.warnings))
     if result.certificate is not None:
         for figure in result.certificate.headline:
-            measures[_of_figure(figure.name)] = figure.error
+            name, _, joint = figure.name.partition(", ")
+            name = f"{NUMERICAL_ERROR}{name.lower().replace(' ', '_')}"
+            measures[f"{name}_{joint}" if joint else name] = figure.error
     return measures
 
 
 def needed(simulation: Simulation) -> list[str] | None:
-    """Histories that `measure` reads of a run; None: all.
+    """Histories of a run that `measure` reads; None: all.
 
-    Lives of rolling bearings, and a tool that is seen from a free base, ask for much.
+    The life of rolling bearings, and a tool observed from a free base, need most of them.
     """
     mechanism = simulation.mechanism
     rolling = any(joint.resultant is not None for joint in mechanism.clearance.values())
@@ -155,7 +155,7 @@ def needed(simulation: Simulation) -> list[str] | None:
 def _bearings(
     result: Result, joints: Sequence[str], judged: np.ndarray
 ) -> Iterator[tuple[str, float]]:
-    """Loads and life of rolling bearings; none of joints without, nor of a single record."""
+    """Yield loads and life of rolling bearings by name; nothing from a single record."""
     if judged.sum() < 2:
         return
     for joint in result.joints:
@@ -168,12 +168,13 @@ def _bearings(
 
 
 def _since(result: Result, name: str, judged: np.ndarray) -> np.ndarray:
+    """Growth of a cumulative history over the judged records."""
     values = _values(result, name)
     return np.asarray(values[-1] - values[int(judged.argmax())])
 
 
 def _deepest(result: Result, judged: np.ndarray) -> float:
-    """The deepest penetration in the records that are kept; 0 if nothing touched [m]."""
+    """Deepest penetration in the judged records; 0 if nothing touched [m]."""
     if "gap_min" not in result.dataset.variables:
         return 0.0
     gaps = _values(result, "gap_min")[judged]
@@ -188,7 +189,9 @@ def _values(result: Result, name: str) -> np.ndarray:
 def _tool_error(
     error: xr.DataArray, start: float, rests: Sequence[float]
 ) -> Iterator[tuple[str, float]]:
-    """Peak, RMS and largest error at rest of the tool: those of `analysis.error_statistics`."""
+    """Yield peak and RMS of the tool's error, and the largest where the reference rests, by name
+    and axis; see `analysis.error_statistics`.
+    """
     last = error["time"].values[-1]
     stop_errors = [error_at(error, rest) for rest in rests if start <= rest <= last]
     statistics = {"stops": np.abs(stop_errors).max(axis=0)} if stop_errors else {}
@@ -201,7 +204,7 @@ def _tool_error(
 
 
 def rests_of(motion: Motion | None, end: float) -> tuple[float, ...]:
-    """Times up to `end` at which the reference stands still, the start aside [s]."""
+    """Times up to `end` at which the reference stands still, without the start [s]."""
     if motion is None:
         return ()
     return tuple(stop.end for stop in stops(motion, end) if stop.at_rest and stop.start > 0.0)
@@ -210,7 +213,7 @@ def rests_of(motion: Motion | None, end: float) -> tuple[float, ...]:
 def _forces(
     result: Result, joints: Sequence[str], judged: np.ndarray
 ) -> Iterator[tuple[str, float]]:
-    """Peak and RMS of the joints' forces, of an ideal mechanism too: there they are reactions."""
+    """Yield peak and RMS of the joint forces by name; in an ideal mechanism of the reactions."""
     dimension = "joint" if result.joints else "moving_joint"
     labels = [str(label) for label in _values(result, dimension)]
     indices = [k for k, label in enumerate(labels) if label in joints] or range(len(labels))
@@ -226,7 +229,7 @@ def _forces(
 
 
 def own_measures(name: str, returned: Any) -> dict[str, float]:
-    """Numbers by name that the measure ``module:function`` returned: one, or several by name."""
+    """Numbers by name from what ``module:function`` returned: one number, or a dict of several."""
     values = returned if isinstance(returned, dict) else {name.rpartition(":")[2]: returned}
     return {str(key): float(value) for key, value in values.items()}
 
@@ -235,10 +238,10 @@ def own_measures(name: str, returned: Any) -> dict[str, float]:
 
 
 def measure_function(name: str) -> Any:
-    """The function that ``module:function`` names, of a module that was imported.
+    """The function that ``module:function`` names, in a module that has been imported.
 
     Raises:
-        JointplayError: it was not, or has no such function.
+        JointplayError: the module has not been imported, or has no such function.
     """
     try:
         return function_at(name)

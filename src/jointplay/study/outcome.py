@@ -1,19 +1,19 @@
-"""What a case of a sweep gave."""
+"""Outcome of one case of a sweep."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 NOT_RUN, DONE, FAILED = "not run", "done", "failed"
-"""What a case's status can be."""
+"""The states of a case."""
 
 Index = tuple[int, ...]
-"""Where a case is along each dimension of its sweep."""
+"""Position of a case along each dimension of its sweep."""
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a case gave: its status, measures by name, an error, its result as a file has it."""
+    """Outcome of a case: its status, measures by name, error message, and the result's file."""
 
     index: Index
     status: str

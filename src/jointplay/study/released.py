@@ -1,8 +1,8 @@
-"""Joints that are released beside their goals: each servo's alone, all others held.
+"""Machines for release tests: each joint under a servo alone, all others held at the pose.
 
-Of a servo one joint is left: a motor, its gear, the link's inertia as Pinocchio has it at the pose,
-the torque of gravity, friction. Joints that controllers of the user's own set move together, in the
-whole robot.
+A joint under a servo is reduced to a motor, its gear, the link's inertia as Pinocchio has it at the
+pose, the torque of gravity, and friction. Joints under controllers of the user's own move together,
+in the whole robot.
 """
 
 from __future__ import annotations
@@ -28,10 +28,11 @@ from jointplay.simulation.prepare import joint_friction
 from jointplay.simulation.simulation import Simulation
 
 STEP_S, RECORD_S = 2e-4, 1e-3
-"""Longest step (teeth or sampling shorten it), and interval of records (judged: ten at 100 Hz)."""
+"""Longest step, which teeth or sampling shorten, and interval of records [s] (judged: ten records
+in a period of 100 Hz)."""
 
 UNITS = {"p_gain": "V/rad", "i_gain": "V/(rad*s)", "d_gain": "V*s/rad"}
-"""Of a servo's gains."""
+"""Units of a servo's gains."""
 
 
 @dataclass(frozen=True)
@@ -44,7 +45,7 @@ class Axis:
     joint: str
     slides: bool
     inertia: float
-    """That the joint moves, the motor's not counted [kg m^2]."""
+    """Inertia that the joint moves, without the motor's [kg m^2]."""
     load: float
     """Torque of gravity on the joint [N m]."""
     gear: Gearing
@@ -57,16 +58,16 @@ class Axis:
 
     @property
     def gains(self) -> dict[str, float]:
-        """Those of the servo, by name."""
+        """Gains of the servo, by name."""
         return {name: getattr(self.drive, name) for name in UNITS}
 
     def with_gains(self, **gains: float) -> Axis:
-        """With other gains of the servo."""
+        """The axis with other gains of its servo."""
         drive: Any = self.drive
         return replace(self, drive=replace(drive, **gains))
 
     def mechanism(self) -> Mechanism:
-        """A robot of this one joint."""
+        """A robot of this one joint, without gravity: the weight is a load of `simulation`."""
         j, kind = repr(self.inertia), "prismatic" if self.slides else "continuous"
         inertia = f'<inertia ixx="{j}" iyy="{j}" izz="{j}" ixy="0" ixz="0" iyz="0"/>'
         limit = '<limit effort="0" velocity="0"/>' if self.slides else ""
@@ -81,7 +82,7 @@ class Axis:
         )
 
     def simulation(self, duration: float) -> Simulation:
-        """Held at zero for so long [s]."""
+        """Simulation of the servo holding the joint at zero for `duration` [s]."""
         assert isinstance(self.drive, Servo)
         vector = (0.0, 0.0, self.load)
         push = Wrench("link", force=vector) if self.slides else Wrench("link", moment=vector)
@@ -97,16 +98,16 @@ class Axis:
 
 @dataclass(frozen=True)
 class MultiAxis:
-    """Joints that controllers of the user's own set, all moving in the whole robot."""
+    """Joints under controllers of the user's own, moving together in the whole robot."""
 
     axes: tuple[Axis, ...]
-    """Those that are looked at."""
+    """The joints that are looked at."""
     base: Simulation
     """The robot, its other joints held."""
 
     @property
     def gains(self) -> dict[str, float]:
-        """Parameters of the controllers by name; of several ones ``LOAD.NAME``."""
+        """Parameters of the controllers by name; with several controllers ``LOAD.NAME``."""
         controllers = _controllers(self.base)
         return {
             gain if len(controllers) == 1 else f"{load}.{gain}": value
@@ -115,7 +116,7 @@ class MultiAxis:
         }
 
     def with_gains(self, **gains: float) -> MultiAxis:
-        """With other parameters of the controllers."""
+        """The joints with other parameters of their controllers."""
         values, loads = iter((self.gains | gains).values()), dict(self.base.loads)
         for name, controller in _controllers(self.base).items():
             parameters = tuple(next(values) for _ in controller.parameters)
@@ -123,18 +124,20 @@ class MultiAxis:
         return replace(self, base=replace(self.base, loads=loads))
 
     def simulation(self, duration: float) -> Simulation:
-        """Held at the pose, or where the controllers lead, for so long [s]."""
+        """Simulation of the robot at the pose, under its controllers, for `duration` [s]."""
         drives = self.base.drive.values()  # type: ignore[union-attr]
         sampled = [*_controllers(self.base).values(), *drives]
         return replace(self.base, **_at_rest(self.base.mechanism, sampled, duration))
 
 
 Released = Axis | MultiAxis
-"""What is released beside its goal."""
+"""A group of joints that is released beside its goal."""
 
 
 def _at_rest(mechanism: Mechanism, sampled: Sequence[Any], duration: float) -> dict[str, Any]:
-    """How it is run for so long [s]: its gears resolved, and as drives are sampled."""
+    """Settings of a run of `duration` [s] whose step resolves contacts of the gears' teeth and
+    divides the shortest sampling period of the drives.
+    """
     q = mechanism.configuration({})
     step = min(tooth_duration(mechanism, name, q) for name in mechanism.gears) / WELL_RESOLVED_STEPS
     step = min(STEP_S, float(f"{step:.1e}"))
@@ -147,12 +150,12 @@ def _at_rest(mechanism: Mechanism, sampled: Sequence[Any], duration: float) -> d
 
 
 def _controllers(simulation: Simulation) -> dict[str, Controller]:
-    """Those of the user's own, by the name of the load."""
+    """Controllers of the user's own, by the name of the load."""
     return {name: load for name, load in simulation.loads.items() if isinstance(load, Controller)}
 
 
 def _drives(simulation: Simulation) -> dict[str, Servo | Controller]:
-    """What moves each joint: a controller of the user's own, or else its servo."""
+    """Drive of each joint that has one: a controller of the user's own, or else a servo."""
     drive, joints = simulation.drive, simulation.mechanism.joints
     drives = drive if isinstance(drive, Mapping) else dict.fromkeys(joints, drive)
     controlled = {name: c for c in _controllers(simulation).values() for name in c.joints}
@@ -160,43 +163,48 @@ def _drives(simulation: Simulation) -> dict[str, Servo | Controller]:
 
 
 def servo_of(joint: str) -> str:
-    """The option that gives a joint a servo, with all that it must have."""
+    """Command-line option that gives a joint a servo, with all entries that a servo needs."""
     table = 'kind="servo", voltage="12 V", p_gain="20 V/rad"'
     table += ', torque_constant="1.2 N*m/A", resistance="2.7 ohm"'
     return f"--set 'drives.{joint}={{{table}}}' with its numbers"
 
 
 def refuse_without_servo(joint: str | None, drives: Iterable[object], robot: str) -> NoReturn:
-    """Say what a robot of which no servo is given needs, to hunt.
+    """Raise an error that says what a robot without servos lacks to hunt, and how to give it.
 
-    `joint`: with a gear; `drives`: those that the preset of the robot has.
+    Args:
+        joint: a joint with a gear; None: no joint has one.
+        drives: drives of the robot's preset.
+        robot: its name.
     """
     name = joint or "JOINT"
     add = servo_of(name) if joint else f"--gear {name}=PLAY and {servo_of(name)}"
     if any(isinstance(drive, Servo) for drive in drives):
         add = f"--preset, which has the servos of {robot}"
-    raise JointplayError(f"hunting is of gears with play under servos, none is given: add {add}")
+    raise JointplayError(f"hunting needs a gear with play under a servo, none is given: add {add}")
 
 
 def released(
     simulation: Simulation, joints: Sequence[str] = (), pose: Mapping[str, float] | None = None
 ) -> list[Released]:
-    """Joints as a simulation has them: servos' each alone, those of own controllers together.
+    """Groups of a simulation's joints to release: each under a servo alone, those under the user's
+    own controllers together.
 
     Args:
         simulation: a robot with its gears, drives, friction, payloads held from the start, and
             controllers among its loads.
-        joints: with a gear that has play, and a servo or a controller; none: all of these.
+        joints: joints with play in their gear, and a servo or a controller; none: all of these.
         pose: positions of joints [rad or m]; others are where the motion begins, or at zero.
 
     Raises:
-        JointplayError: what lacks, and what to give.
+        JointplayError: what is missing, and what to give.
     """
     require_a("simulation", simulation, "Simulation")
     robot, drives = simulation.mechanism, _drives(simulation)
     loose = [name for name, gear in robot.gears.items() if gear.play > 0.0]
     for name in (*joints, *(pose or {})):
         require_known("moving joint", name, robot.joints)
+    # Where no joint can be released, the error is about the first with play, or else the first.
     driven = [name for name in loose if name in drives]
     for name in joints or driven or [*loose, *robot.joints][:1]:
         if name not in loose:
@@ -226,7 +234,7 @@ def released(
 
 
 def _axis(simulation: Simulation, joint: str, positions: Mapping[str, float]) -> Axis:
-    """A joint at a pose."""
+    """A joint at a pose, with the inertia and the gravity torque that it has there."""
     robot = simulation.mechanism
     rigid = robot.with_clearance({}, robot.gears)
     bodies = loaded(rigid.model, simulation.payloads, 0.0)
@@ -239,7 +247,7 @@ def _axis(simulation: Simulation, joint: str, positions: Mapping[str, float]) ->
 
 
 def _with_others_held(simulation: Simulation, pose: Mapping[str, float]) -> Simulation:
-    """The robot at a pose, with all joints held that no controller of the user's own sets."""
+    """The robot at a pose, with all joints held that are under no controller of the user's own."""
     robot, drive = simulation.mechanism, simulation.drive
     free = {name for c in _controllers(simulation).values() for name in c.joints}
     servos = drive if isinstance(drive, Mapping) else dict.fromkeys(free, drive)

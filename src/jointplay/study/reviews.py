@@ -1,4 +1,4 @@
-"""What reviewers ask of a run: other steps, other contact laws, other starts.
+"""Robustness of a run, as a reviewer asks for it: other steps, other contact laws, other starts.
 
 `convergence` runs a simulation with coarser and finer steps, `laws` with other normal-force laws,
 `spread` with perturbed starts. Each has a table here, and a chart in `show.plots.reviews`.
@@ -28,11 +28,11 @@ from jointplay.study.certification import certify
 from jointplay.study.ensemble import ensemble
 
 FACTORS = (8.0, 4.0, 2.0, 1.0, 0.5, 0.25)
-"""Steps or tolerances that are run, relative to the run's own."""
+"""Steps or tolerances of the runs, relative to the simulation's own."""
 FINEST = 0.125
-"""The one against which they are measured."""
+"""Step or tolerance of the reference run, relative to the simulation's own."""
 BAND = (5.0, 95.0)
-"""Percentiles between which the band of perturbed starts lies (a convention)."""
+"""Percentiles that bound the band of perturbed starts (a convention)."""
 
 Figures = dict[str, tuple[float, str]]
 """Headline figures by name: value [SI] and unit."""
@@ -48,7 +48,7 @@ def _figures(result: Result) -> Figures:
 
 
 def _or_reason(result: Result) -> Figures | str:
-    """Its figures, or why a run has none: coarse steps may break down."""
+    """Figures of a run, or the reason why it has none: coarse steps may break down."""
     try:
         return _figures(result.completed("the run"))
     except JointplayError as error:
@@ -60,30 +60,33 @@ class Convergence:
     """Figures over the step or the tolerance; see `convergence`."""
 
     of: str
-    """``step`` or ``tolerance``."""
+    """The parameter that was varied: ``step`` or ``tolerance``."""
     sizes: tuple[float, ...]
-    """Those that could be run, coarse to fine [s or 1]."""
+    """Its values that could be run, coarse to fine [s or 1]."""
     finest: float
+    """Its value in the reference run."""
     chosen: float
-    """That of the run itself."""
+    """Its value in the simulation itself."""
     units: Mapping[str, str]
     values: Mapping[str, np.ndarray]
-    """Of each figure, at the sizes."""
+    """Each figure at the sizes."""
     truth: Mapping[str, float]
-    """Of each figure, with the finest."""
+    """Each figure in the reference run."""
     stated: Mapping[str, float]
-    """The error that the run itself states of each figure."""
+    """The numerical error that is estimated for each figure of the simulation itself."""
     refused: tuple[str, ...]
     """Sizes that could not be run, and why."""
 
     def distance(self, name: str) -> np.ndarray:
-        """How far a figure is from that with the finest, relative to it."""
+        """Relative distance of a figure from its value in the reference run, at the sizes."""
         size = abs(self.truth[name])
         difference: np.ndarray = np.abs(self.values[name] - self.truth[name])
         return difference / size if size else np.full(len(difference), np.nan)
 
     def order(self, name: str) -> float:
-        """Power of the size with which the distance falls: a line through logarithms; or nan."""
+        """Observed order of convergence: the slope of a line through the logarithms of distance
+        over size; NaN with fewer than three points.
+        """
         distance = self.distance(name)
         measured = np.isfinite(distance) & (distance > 0.0)
         if np.count_nonzero(measured) < 3:
@@ -122,22 +125,24 @@ class Convergence:
 def convergence(
     simulation: Simulation, *, jobs: int | None = None, progress: bool = False
 ) -> Convergence:
-    """Headline figures over the step, or over the tolerance where steps go by their error.
+    """Headline figures over the step, or over the tolerance where the step is adaptive.
 
-    Against a run with an eighth of it. Of a chaotic motion figures do not converge, as one start
-    is one draw of many: `spread` shows how far apart they are.
+    The reference is a run with an eighth of it. In a chaotic motion figures do not converge, as one
+    start is one draw of many: `spread` shows how far apart they are.
 
     Raises:
-        JointplayError: the run itself, or the finest, cannot be made.
+        JointplayError: the simulation itself, or the reference run, cannot be run.
     """
     parameter = "step" if simulation.tolerance is None else "tolerance"
     nominal = float(getattr(simulation, parameter))
     factors = [factor for factor in FACTORS if parameter == "step" or factor * nominal <= 1.0]
+    # Steps that a run refuses, or that break down, are left out; not so the run's own and the
+    # finest, which all is compared with.
     runs, refused = {}, []
     for factor in (*factors, FINEST):
         size: dict[str, Any] = {parameter: factor * nominal}
         run = replace(simulation, **size)
-        if parameter == "step":  # records as far apart
+        if parameter == "step":  # the same time between records
             run = replace(run, record_every=max(round(simulation.record_every / factor), 1))
         try:
             Run(run)
@@ -173,13 +178,14 @@ def convergence(
 
 @dataclass(frozen=True)
 class LawComparison:
-    """The same run with several normal-force laws; see `laws`."""
+    """One run with several normal-force laws; see `laws`."""
 
     figures: Mapping[str, Figures]
-    """By law."""
+    """Figures by law."""
     curves: Mapping[str, tuple[np.ndarray, np.ndarray]]
-    """Times [s] and force [N] of the first joint with clearance, by law."""
+    """Times [s] and force [N] of `joint`, by law."""
     joint: str
+    """The first joint with clearance."""
 
     @property
     def table(self) -> Table:
@@ -205,7 +211,7 @@ class LawComparison:
 
 
 def require_laws(names: Sequence[str]) -> None:
-    """Refuse names that `laws` cannot compare; see there for errors."""
+    """Raise a JointplayError if `laws` cannot compare these laws; see there."""
     if len(dict.fromkeys(names)) < 2:
         raise JointplayError(f"give two laws or more, got {', '.join(names) or 'none'}")
     for name in names:
@@ -225,18 +231,18 @@ def laws(
     jobs: int | None = None,
     progress: bool = False,
 ) -> LawComparison:
-    """The same run with other normal-force laws in all its joints with clearance.
+    """Compare normal-force laws: one run with each, in all joints with clearance.
 
     Raises:
         MissingName: no such law.
-        JointplayError: fewer than two laws, one that does not fit a joint, or needs parameters; no
+        JointplayError: fewer than two laws, a law that does not fit a joint or needs parameters; no
             joint has clearance; a run that did not complete.
     """
     require_laws(names)
     mechanism = simulation.mechanism
     joints = [name for name, joint in mechanism.clearance.items() if hasattr(joint, "normal")]
     if not joints:
-        raise JointplayError("no joint has a contact whose law could be another")
+        raise JointplayError("no joint has a contact with a normal-force law to exchange")
     runs = {}
     for name in dict.fromkeys(names):
         law = NORMAL_LAWS[name]()
@@ -263,14 +269,14 @@ def _figures_and_force(result: Result, joint: str) -> tuple[Figures, tuple[np.nd
 
 @dataclass(frozen=True)
 class Spread:
-    """Perturbed starts of the same run; see `spread`."""
+    """One run with perturbed starts; see `spread`."""
 
     figures: Mapping[str, np.ndarray]
-    """Of each run, by name [SI]."""
+    """Figures by name, with a value for each run [SI]."""
     units: Mapping[str, str]
     times: np.ndarray
     curves: Mapping[str, np.ndarray]
-    """``tool error`` or ``tool turn``, and the force of each joint, (runs, times)."""
+    """``tool error``, ``tool turn``, and the force of each joint, by name, (runs, times)."""
     curve_units: Mapping[str, str]
 
     @property
@@ -282,10 +288,7 @@ class Spread:
             row = [values.mean(), values.std(ddof=1), low, high]
             rows.append([f"{name} [{unit}]", *(f"{factor * value:.5g}" for value in row)])
         heads = ("figure", "mean", "standard deviation", f"{BAND[0]:g} %", f"{BAND[1]:g} %")
-        columns = zip(*rows, strict=True)
-        return Table(
-            [Column(head, list(c), digits=5) for head, c in zip(heads, columns, strict=True)]
-        )
+        return Table.of_texts([heads, *rows])
 
     def __str__(self) -> str:
         count = len(next(iter(self.figures.values())))
@@ -299,7 +302,7 @@ class Spread:
 def spread(
     simulation: Simulation, runs: int, *, jobs: int | None = None, progress: bool = False
 ) -> Spread:
-    """The run with perturbed starts: how far apart its figures and curves are.
+    """Repeat a run with perturbed starts, to show how far apart its figures and curves are.
 
     Raises:
         JointplayError: fewer than two runs, or one that did not complete.
@@ -307,10 +310,10 @@ def spread(
     require_whole("the number of runs", runs, 2)
     starts = [replace(simulation, seed=seed) for seed in range(runs)]
     results = ensemble(starts, jobs=jobs, keep=_figures_and_curves, progress=progress)
-    figures, curves = [run[0] for run in results], [run[2] for run in results]
-    count = min(len(run[1]) for run in results)
-    times = results[0][1][:count]
-    judged = times >= max(run[3] for run in results)  # when no journal falls any more
+    figures, all_times, curves, judged_from = zip(*results, strict=True)
+    count = min(map(len, all_times))
+    times = all_times[0][:count]
+    judged = times >= max(judged_from)  # when no journal falls any more
     return Spread(
         {name: np.array([run.get(name, (0.0,))[0] for run in figures]) for name in figures[0]},
         {name: unit for name, (_, unit) in figures[0].items()},
@@ -323,6 +326,7 @@ def spread(
 def _figures_and_curves(
     result: Result,
 ) -> tuple[Figures, np.ndarray, dict[str, tuple[np.ndarray, str]], float]:
+    """Figures, times, curves with their units, and the time from which the run is judged."""
     error = result.completed("the run").tool_error
     curves: dict[str, tuple[np.ndarray, str]] = {}
     for name, history, unit in (

@@ -1,4 +1,4 @@
-"""Runs of a study in a file, with which a later process goes on."""
+"""A study's store in a file, from which a later process resumes."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from jointplay.study.database import Column, Rows
 from jointplay.study.study import Memory
 
 Arrays = dict[str, np.ndarray]
-"""What is kept of a run: numbers of any shape, or texts, by name."""
+"""The values kept of a run: arrays of numbers or text, by name."""
 MOST_RUNS = 1_000_000
-"""Runs at a time, at most."""
+"""Most runs at a time."""
 _VALUES = "found"
 _KIND = "file of runs"
 
@@ -29,11 +29,11 @@ class Runs(Memory[Arrays]):
     """A store that is a file of `Rows`.
 
     Args:
-        path: the file; it is made, its folder too.
-        about: all that what is found depends on, but for the keys of cases, as plain data.
+        path: the file; it is created if it is absent, its folder too.
+        about: plain data on which all values depend, beside the keys of cases.
 
     Raises:
-        JointplayError: the file was made for something else, or is damaged; it cannot be written.
+        JointplayError: the file was made with another `about`, is damaged, or cannot be written.
     """
 
     def __init__(self, path: Path, about: Mapping[str, Any]) -> None:
@@ -51,15 +51,16 @@ class Runs(Memory[Arrays]):
         except JointplayError as error:
             raise JointplayError(f"{error}; delete it, or choose another folder") from None
         try:
-            self._take_up(inputs["inputs"])
+            self._load(inputs["inputs"])
         except BaseException:
             self._rows.close()
             raise
 
-    def _take_up(self, inputs: Mapping[str, Any]) -> None:
+    def _load(self, inputs: Mapping[str, Any]) -> None:
+        """Read the runs that the file has, and rebuild it without damaged rows, if it has any."""
         stored = self._rows.about.get("inputs")
         if not isinstance(stored, dict) or [c.name for c in self._rows.columns] != [_VALUES]:
-            raise JointplayError(f"{str(self._rows.path)!r} is no {_KIND}; delete it")
+            raise JointplayError(f"{str(self._rows.path)!r} is not a {_KIND}; delete it")
         changed = [name for name in {**stored, **inputs} if stored.get(name) != inputs.get(name)]
         if changed:
             raise JointplayError(
@@ -69,7 +70,7 @@ class Runs(Memory[Arrays]):
         good = []
         for places, values in self._rows.blocks(MOST_RUNS):
             for place, text in zip(places, values[_VALUES], strict=True):
-                with suppress(ValueError, TypeError, AttributeError):  # none of ours: run again
+                with suppress(ValueError, TypeError, AttributeError):  # unreadable: run it again
                     arrays = {name: _unpacked(column) for name, column in json.loads(text).items()}
                     self[_hashable(json.loads(place))] = arrays
                     good.append((place, {_VALUES: text}))
@@ -80,18 +81,18 @@ class Runs(Memory[Arrays]):
         packed = {name: _packed(array) for name, array in value.items()}
         self._rows.add(json.dumps(key), {_VALUES: json.dumps(packed)})
         super().keep(key, value)
-        if self._rows.path not in files.written:  # what an interruption says is there
+        if self._rows.path not in files.written:  # so that an interruption names the file
             files.written.append(self._rows.path)
 
     def close(self) -> None:
-        """Nothing is left of a file that has no runs."""
+        """Close the file, and delete it if it holds no runs."""
         self._rows.close()
         if not self:
             self._rows.path.unlink(missing_ok=True)
 
 
 def _packed(values: np.ndarray) -> tuple[str, tuple[int, ...], str]:
-    """Numbers or text as JSON has them: type, shape, and bytes."""
+    """An array for JSON: type, shape, and bytes in base64."""
     return values.dtype.str, values.shape, b64encode(values.tobytes()).decode()
 
 
@@ -101,5 +102,5 @@ def _unpacked(packed: Any) -> np.ndarray:
 
 
 def _hashable(key: Any) -> Hashable:
-    """A key as it was: JSON has lists for tuples."""
+    """A key as it was before JSON turned its tuples into lists."""
     return tuple(map(_hashable, key)) if isinstance(key, list) else key

@@ -1,10 +1,10 @@
-"""One joint under its servo as stiff differential equations, for motion too slow to be stepped.
+"""Slow motion of one joint under its servo, by a solver of stiff differential equations.
 
-While friction holds or creeps and an integral winds up, minutes pass between slips of milliseconds.
-A solver whose steps follow the error takes each such phase in a few: implicit ones where the
-equations are stiff. The equations are those of the engine: the kernel's `gear` and `drive`.
-Not in them are sampling and the kinematic error of a gear; a reading in counts changes from one to
-the next within `EDGE` of a count, and the solver follows it there.
+While friction holds or creeps and an integral winds up, minutes pass between slips of milliseconds:
+too long for the engine's fixed steps. A solver that adapts its steps to the error takes each such
+phase in a few steps, implicit ones where the equations are stiff. The equations are those of the
+engine, of the kernel's `gear` and `drive`, without sampling and without a gear's kinematic error; a
+reading in counts changes from one count to the next within `EDGE` of a count, continuously.
 """
 
 from __future__ import annotations
@@ -24,30 +24,32 @@ if TYPE_CHECKING:
     from jointplay.study.released import Axis
 
 EDGE = 1e-4
-"""Part of a count in which a reading changes: with it a swing of 98 s between two counts has the
-period of an integration with steps, with 1e-3 one of 119 s."""
+"""Part of a count over which a reading changes to the next: with it a swing of 98 s between two
+counts has the period that integration with fixed steps gives, with 1e-3 one of 119 s."""
 
 RELATIVE, ABSOLUTE = 1e-7, (1e-10, 1e-10, 1e-9, 1e-9, 1e-8, 1e-11, 1e-11, 1e-11)
-"""Error of a step, of the states that `_rates` names: periods come to four digits."""
+"""Tolerances of a step, the absolute ones of the states that `_rates` names: periods come out to
+four digits."""
 
 STEPS = 300_000
-"""Of the solver, 20 s: 100 periods of what needs as many as any of 100 machines drawn afresh."""
+"""Most steps of the solver, 20 s of computing: 100 periods of the machine that needs most, of 100
+drawn at random."""
 
 SAMPLES = 12_000
-"""At which a motion is judged."""
+"""Number of evenly spaced samples at which a motion is judged."""
 
 
 def slow_motion(
     axis: Axis, start: float, play: bool, longest: float, first: float, later: float
 ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """Times (n,) and positions of link and motor (2, n), ever longer, from a start aside.
+    """Yield the motion so far, at ever later times: times (n,), positions of link and motor (2, n).
 
     Args:
-        axis: under a servo.
-        start: how far link and motor begin aside [rad or m].
+        axis: a joint under a servo.
+        start: distance from the goal at which link and motor begin [rad or m].
         play: whether the gear has its play.
-        longest: until when; not so far if the solver needs more than `STEPS` [s].
-        first, later: time of the first answer [s], and by how much later each next one is.
+        longest: end of the motion [s]; it ends before if the solver needs more than `STEPS`.
+        first, later: time of the first motion yielded [s], and the factor to each next one.
     """
     solver = LSODA(
         _rates(axis, 0.5 * axis.gear.play if play else 0.0), 0.0, [start] * 2 + [0.0] * 6,
@@ -70,7 +72,10 @@ def slow_motion(
 
 
 def _friction(losses: JointFriction) -> Callable[[float, float], tuple[float, float]]:
-    """Friction at a speed and a bend of its bristles, and the rate of that bend."""
+    """Function of speed and bristle deflection that returns friction and rate of that deflection.
+
+    Without presliding friction is a smoothed function of speed alone, and the rate is 0.
+    """
     coulomb, excess, presliding = losses.coulomb, losses.excess, losses.presliding
     stiffness = (coulomb + excess) / presliding if presliding else 0.0
 
@@ -86,8 +91,10 @@ def _friction(losses: JointFriction) -> Callable[[float, float], tuple[float, fl
 
 
 def _rates(axis: Axis, half: float) -> Callable[[float, np.ndarray], tuple[float, ...]]:
-    """Rates of link and motor, their speeds, the integral, their bristles and the gear's torque of
-    hysteresis; `half` the play of the gear [rad or m].
+    """Right-hand side of the equations, a function of time and state.
+
+    State: position of link and motor, their speeds, the integral term [V], the bristle deflections
+    of link and motor, and the gear's hysteresis torque; `half` is half the gear's play [rad or m].
     """
     gear, servo = axis.gear, axis.drive
     assert isinstance(servo, Servo)
@@ -98,6 +105,7 @@ def _rates(axis: Axis, half: float) -> Callable[[float, np.ndarray], tuple[float
 
     def rates(time: float, state: np.ndarray) -> tuple[float, ...]:
         link, motor, v, w, integral, link_bend, motor_bend, hysteresis = state.tolist()
+        # Teeth: a piecewise linear stiffness beyond the play, and damping that never pulls.
         twist, rate = motor - link, w - v
         depth, elastic, teeth = abs(twist) - half, 0.0, 0.0
         if depth > 0.0:
@@ -109,6 +117,7 @@ def _rates(axis: Axis, half: float) -> Callable[[float, np.ndarray], tuple[float
             elastic *= side
             teeth = side * max(side * elastic + gear.damping * side * rate, 0.0)
         torque, tooth_torque = teeth + hysteresis, elastic + hysteresis
+        # Servo: reading in counts, dead band, PID in volts with anti-windup, limit of the supply.
         read, speed = (link, v) if servo.encoder == "link" else (motor, w)
         if servo.resolution:
             count = read / servo.resolution + 0.5
@@ -120,6 +129,7 @@ def _rates(axis: Axis, half: float) -> Callable[[float, np.ndarray], tuple[float
         effort = servo.stall * min(max(command, -voltage), voltage) - servo.braking * w
         rise = servo.i_gain * error
         rise = 0.0 if abs(integral) >= voltage and rise * integral > 0.0 else rise
+        # Friction of both bodies, and the gear's losses, which grow with the torque of its teeth.
         link_friction, link_rate = on_link(v, link_bend)
         motor_friction, motor_rate = on_motor(w, motor_bend)
         share = loss.driving if tooth_torque * w > 0.0 else loss.driven

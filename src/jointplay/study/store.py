@@ -1,11 +1,8 @@
-"""The folder of a sweep: its cases in a file of SQLite, and their results, if they are wanted.
+"""The folder of a sweep: an SQLite file with a row for each case, and the cases' results, if kept.
 
-Of a plan a store needs its `sizes`, `coordinates`, `results`, `identity` and `attributes`, the
-`meaning` of measures, and in what it has `grown`.
-
-A finished case is a row before anyone is told of it; its result is there before the row. What has
-changed since it was written is found by its checksum: a row by its own, a result by its seal, which
-its row knows. Its case then runs again.
+The result of a finished case is written first, then its row, and only then the case is reported.
+Damage is found by checksums, one in each row and one of each result in its row; the case then runs
+again.
 """
 
 from __future__ import annotations
@@ -33,37 +30,39 @@ if TYPE_CHECKING:
 
 RESULTS = "results"
 """Folder of the results of cases."""
-SAID = (
+OUTCOME_COLUMNS = (
     Column("status", "TEXT", text="done, or failed"),
     Column("error", "TEXT", text="error message of the case"),
     Column("result", "TEXT", text="checksum of the case's result"),
 )
-"""Columns besides those of values and measures."""
+"""Columns of every sweep, besides those of values and measures."""
 MOST_DIFFERENCES = 4
-"""Differences that a message names."""
+"""Most differences that a message names."""
 MOST_CASES = 100_000_000
-"""Of a sweep, of any dimensions: what is kept of each in memory takes a byte (judged)."""
+"""Most cases of a sweep: each takes a byte of memory (judged)."""
 _ABOUT: dict[str, type] = {
     "sizes": dict, "labels": dict, "case": str, "sampling": str, "sampled": list, "inputs": dict,
     "versions": dict, "identity": dict, "title": str, "scenario": str, "scenario_file": str,
     "sweep": str,
 }  # fmt: skip
-"""What a store says of itself."""
+"""Entries in which a store describes its sweep, with their types."""
 _KINDS = {"f": "REAL", "i": "INTEGER", "u": "INTEGER", "b": "BOOLEAN"}
+"""Types of columns, by the kind of an array."""
 
 
 class SweepStore:
-    """A store that is being written.
+    """The store of a sweep, open for writing.
 
     Args:
         path: its folder.
-        plan: what is run; an old store must be of the same.
-        resume: whether an old store is gone on with.
-        extend: whether it may become larger: more samples, repeats, values at the end of an axis.
+        plan: the sweep; an existing store must be of the same.
+        resume: whether to continue an existing store.
+        extend: whether an existing store may become larger: more samples, repeats, or values at
+            the end of an axis.
 
     Attributes:
-        ran: whether a case has been run.
-        failed: how many have failed.
+        ran: whether each case has been run.
+        failed: number of cases that failed.
 
     Raises:
         JointplayError: the store exists (and `resume` is false), is of another study, or another
@@ -90,6 +89,7 @@ class SweepStore:
             raise
 
     def _about(self) -> dict[str, Any]:
+        """The entries `_ABOUT`, from the plan."""
         from jointplay.simulation.result.stored import versions
 
         labels = {
@@ -101,23 +101,25 @@ class SweepStore:
         return {**self.plan.attributes, **study, "labels": labels, "versions": versions()}
 
     def _values(self) -> list[Column]:
-        """Columns of the values of cases, and `SAID`."""
+        """Columns of the cases' values on the axes, and `OUTCOME_COLUMNS`."""
         columns = [
             Column(name, _KINDS.get(values.dtype.kind, "TEXT"), about["units"],
                    one_line(about["long_name"]))
             for name, (_, values, about) in self.plan.coordinates.items()
         ]  # fmt: skip
-        return [*columns, *SAID]
+        return [*columns, *OUTCOME_COLUMNS]
 
     def _reopen(self, extend: bool) -> None:
-        """Go on with an old store; of what is damaged the cases count as not run."""
+        """Continue an existing store; damaged cases count as not run."""
         contents = Contents(self._rows)
         self._check_study(contents.about, extend)
+        # A sweep may only have grown, along the same dimensions.
         sizes = contents.sizes
         if list(sizes) != list(self.plan.sizes) or np.any(
             np.array(list(sizes.values())) > self.plan.shape
         ):
             raise damaged(self._rows.path, "sweep", f"its sizes are {contents.sizes}")
+        # A case has been run if its row is there and its result, if it has one, is intact.
         for index, values in contents.blocks():
             good = np.array([
                 not sealed or _is_sealed(self.path / RESULTS / file_of(case), sealed)
@@ -126,14 +128,16 @@ class SweepStore:
             self.ran[tuple(index[good].T)] = True
             self.failed += int(np.count_nonzero(values["status"][good] == FAILED))
             self._rows.intact &= bool(good.all())
+        # Damaged rows, or other columns than the plan's, need a new file.
         columns = [*self._values(), *contents.measures]
-        if not self._rows.intact or columns != [*contents.values, *SAID, *contents.measures]:
-            self._rows.rebuild(self._about(), columns, self._rows_run(contents))
+        present = [*contents.values, *OUTCOME_COLUMNS, *contents.measures]
+        if not self._rows.intact or columns != present:
+            self._rows.rebuild(self._about(), columns, self._kept_rows(contents))
         else:
             self._rows.set_about(self._about())
 
-    def _rows_run(self, contents: Contents) -> Iterator[tuple[str, dict[str, Any]]]:
-        """Rows of the cases that have been run, with their values as the plan has them now."""
+    def _kept_rows(self, contents: Contents) -> Iterator[tuple[str, dict[str, Any]]]:
+        """Yield the rows of the cases that have been run, with their axes' values by the plan."""
         for index, values in contents.blocks():
             for k, position in enumerate(map(tuple, index.tolist())):
                 if self.ran[position]:
@@ -141,7 +145,7 @@ class SweepStore:
                     yield place_of(position), {**row, **self.plan.values(position)}
 
     def _check_study(self, about: Mapping[str, Any], extend: bool) -> None:
-        """Refuse a store of another study."""
+        """Raise a JointplayError if the store is of another study."""
         changes = differences(about["identity"], self.plan.identity)
         grown = self.plan.grown(about["identity"], list(about["sizes"]))
         conflicts = changes.keys() - grown
@@ -161,7 +165,7 @@ class SweepStore:
             )
 
     def grow(self, plan: SweepPlan) -> None:
-        """Make room for the cases of a larger plan; those there are stay what they are.
+        """Make room for the cases of a larger plan; the cases so far keep their indices.
 
         Raises:
             JointplayError: the store cannot be written.
@@ -177,7 +181,7 @@ class SweepStore:
         return bool(self.ran[index])
 
     def keep(self, index: Any, outcome: Outcome) -> None:
-        """Keep a finished case: on return it survives this process.
+        """Store a finished case: once this returns, it survives the end of the process.
 
         Raises:
             JointplayError: the disk is full; the cases before are kept.
@@ -206,8 +210,8 @@ class SweepStore:
         return Column(name, "REAL", unit, one_line(text), origin)
 
     def _fitted(self, outcome: Outcome) -> Outcome:
-        """The outcome; one that has failed if a measure's name is not to be had."""
-        reserved = {*self.plan.coordinates, *(column.name for column in SAID)}
+        """The outcome; a failed one in its place if a measure's name cannot be that of a column."""
+        reserved = {*self.plan.coordinates, *(column.name for column in OUTCOME_COLUMNS)}
         invalid = [name for name in outcome.values if name in reserved or not name.isprintable()]
         invalid += [name for name in outcome.values if not name]
         names = {column.name for column in self._rows.columns}
@@ -220,7 +224,7 @@ class SweepStore:
         return Outcome(outcome.index, FAILED, values, reason)
 
     def column(self, name: str) -> np.ndarray:
-        """A measure of all cases so far, NaN where there is none.
+        """A measure over the sweep, NaN where cases lack it, of the plan's shape.
 
         Raises:
             JointplayError: no case has it.
@@ -235,7 +239,7 @@ class SweepStore:
         return grid
 
     def close(self) -> None:
-        """Let go of the store."""
+        """Close the store, and release its folder."""
         try:
             if hasattr(self, "_rows"):
                 self._rows.close()
@@ -244,7 +248,7 @@ class SweepStore:
 
 
 def place_of(index: Index) -> str:
-    """Where a case is along each dimension, as its row has it."""
+    """Index of a case as its row has it."""
     return " ".join(map(str, index))
 
 
@@ -254,7 +258,7 @@ def file_of(index: Any) -> str:
 
 
 def _is_sealed(path: Path, sealed: str) -> bool:
-    """Whether a file is there, whole, and the one with this seal."""
+    """Whether a file is there, intact, and has this checksum."""
     from jointplay.simulation.result import netcdf
 
     with suppress(JointplayError):
@@ -263,7 +267,7 @@ def _is_sealed(path: Path, sealed: str) -> bool:
 
 
 def differences(former: Mapping[str, str], present: Mapping[str, str]) -> dict[str, str]:
-    """In what two studies differ, in words by key."""
+    """Differences between the identities of two studies, in words by key."""
     changes = {}
     for key in dict.fromkeys((*former, *present)):
         before, now = former.get(key, "not given"), present.get(key, "not given")
@@ -278,21 +282,21 @@ def _short(text: str) -> str:
     return text if len(text) <= 80 else f"{text[:60]}...{text[-15:]}"
 
 
-def sizes_of(path: Path) -> dict[str, int] | None:
-    """Sizes of the dimensions of the cases of a store; None if nothing tells."""
-    with suppress(JointplayError):
-        return open_sweep(path).sizes
-    return None
-
-
 # ---- Read ---------------------------------------------------------------------------------------
 
 
 class Contents:
-    """What the rows of a sweep say, checked: they can come from anywhere.
+    """The content of a sweep's file, checked thoroughly, as files can come from anywhere.
+
+    Attributes:
+        about: entries that describe the sweep.
+        sizes: sizes of its dimensions, by name.
+        count: number of its cases.
+        values: columns of the axes' values.
+        measures: columns of the measures.
 
     Raises:
-        JointplayError: they are not those of a sweep.
+        JointplayError: not the rows of a sweep.
     """
 
     def __init__(self, rows: Rows) -> None:
@@ -302,6 +306,7 @@ class Contents:
         ]
         if wrong:
             raise self._damaged(f"{wrong[0]} is {self.about.get(wrong[0])!r:.60}")
+        # The description: sizes, inputs, and the values along each axis.
         self.sizes: dict[str, int] = self.about["sizes"]
         sizes, sampled = self.sizes.values(), self.about["sampled"]
         sound = bool(sizes) and all(type(size) is int and size > 0 for size in sizes)
@@ -310,7 +315,7 @@ class Contents:
         self.count = math.prod(sizes)
         tables = [self.about[name].values() for name in ("identity", "versions", "inputs")]
         if not all(isinstance(text, str) for texts in tables for text in texts):
-            raise self._damaged("its inputs are no texts")
+            raise self._damaged("its inputs are not text")
         for name, label in self.about["labels"].items():
             listed = label.get("values") if isinstance(label, dict) else None
             plain = isinstance(listed, list) and all(
@@ -319,25 +324,27 @@ class Contents:
             values = np.array(listed if plain else None)
             if values.shape != (self.sizes.get(name),) or values.dtype.kind not in "fibU":
                 raise self._damaged(f"its values of {name} are {label!r:.60}")
+        # The columns: distinct names, the axes' values, the outcome, and measures.
         names = [column.name for column in rows.columns]
         of_cases = [*self.about["labels"], *sampled]
         if not all(isinstance(name, str) for name in of_cases) or len({*names}) < len(names):
-            raise self._damaged("its columns have no names of their own")
+            raise self._damaged("its columns do not have distinct names")
         if {*of_cases} - {*names} or (sampled and "sample" not in self.sizes):
             raise self._damaged(f"its values are of {of_cases!r:.60}")
-        if [column for column in rows.columns if column in SAID] != [*SAID]:
+        if [column for column in rows.columns if column in OUTCOME_COLUMNS] != [*OUTCOME_COLUMNS]:
             raise self._damaged("its columns are not those of a sweep")
         self.values = [column for column in rows.columns if column.name in of_cases]
-        self.measures = [column for column in rows.columns if column not in (*self.values, *SAID)]
+        others = (*self.values, *OUTCOME_COLUMNS)
+        self.measures = [column for column in rows.columns if column not in others]
         numbers = [*self.measures, *(column for column in self.values if column.name in sampled)]
         if any(column.kind != "REAL" for column in numbers):
-            raise self._damaged("a measure is no number")
+            raise self._damaged("a measure is not a number")
 
     def _damaged(self, reason: str) -> JointplayError:
         return damaged(self.rows.path, "sweep", reason)
 
     def blocks(self) -> Iterator[tuple[np.ndarray, dict[str, np.ndarray]]]:
-        """Where cases are along each dimension, shape (n, dimensions), and their values by column.
+        """Yield the indices of some cases, shape (n, dimensions), and their values by column.
 
         Raises:
             JointplayError: a row is damaged, or of no case of the sweep.
@@ -350,21 +357,21 @@ class Contents:
             except (ValueError, OverflowError):
                 good = False
             if not good or (index < 0).any() or (index >= shape).any():
-                raise self._damaged("a row has the place of no case")
+                raise self._damaged("a row belongs to no case")
             if not {*values["status"]} <= {DONE, FAILED}:
                 raise self._damaged("a case is neither done nor failed")
             yield index, values
 
 
 class Sweep:
-    """What a sweep has found, as its folder says it whenever it is asked.
+    """A sweep in a folder; every query reads the present state, of a running sweep too.
 
     Args:
         path: the folder.
 
     Attributes:
-        sizes: of its dimensions, by name.
-        about: what it is of: scenario, inputs, versions, table [sweep].
+        sizes: sizes of its dimensions, by name.
+        about: its description: scenario, inputs, versions, table [sweep].
 
     Raises:
         JointplayError: no such sweep, or a damaged one.
@@ -381,7 +388,9 @@ class Sweep:
         return f"<jointplay Sweep {str(self.path)!r}: {sizes}>"
 
     def _read(self, cases: bool = True) -> tuple[Contents, np.ndarray, dict[str, np.ndarray]]:
-        """What there is now: numbers of cases in the grid, which ascend, and values by column."""
+        """Read the file: its contents, the cases' numbers in the grid, which ascend, and their
+        values by column; without `cases` only the contents.
+        """
         if not files.is_file(self.path / FILE):
             raise JointplayError(f"no sweep {str(self.path)!r}")
         rows = Rows(self.path / FILE)
@@ -408,7 +417,7 @@ class Sweep:
         return contents, number[order], values
 
     def table(self) -> pd.DataFrame:
-        """A row for each case that was run, in the order of the grid.
+        """Table with a row for each case that was run, in the order of the grid.
 
         Columns are the values of the axes, `status` (``done`` or ``failed``), `error` and the
         measures (docs/sweeps.md); ``attrs["units"]`` has their units. The index is the number of
@@ -420,7 +429,7 @@ class Sweep:
         import xarray as xr
 
         contents, number, values = self._read()
-        columns = [*contents.values, *SAID[:2], *contents.measures]
+        columns = [*contents.values, *OUTCOME_COLUMNS[:2], *contents.measures]
         dataset = xr.Dataset({column.name: ("case", values[column.name]) for column in columns})
         frame: pd.DataFrame = dataset.assign_coords(case=number).to_dataframe()
         frame.attrs["units"] = {column.name: column.unit for column in columns}
@@ -465,13 +474,13 @@ class Sweep:
         return xr.Dataset(variables, coordinates, about)
 
     def result(self, case: int) -> Result:
-        """The result of a case, of a sweep that keeps them (``results = true``).
+        """The result of a case, if the sweep keeps results (``results = true``).
 
         Args:
-            case: its number in the index of `table`.
+            case: number of the case, its index in `table`.
 
         Raises:
-            JointplayError: there is none; it is damaged.
+            JointplayError: there is none, or it is damaged.
         """
         from jointplay.simulation.result import netcdf
         from jointplay.simulation.result.result import Result
@@ -499,7 +508,7 @@ def _attributes(column: Column) -> dict[str, str]:
 
 
 def open_sweep(path: str | Path) -> Sweep:
-    """The sweep in a folder; of one that is under way, what has been written so far.
+    """Open the sweep in a folder; one that is running shows what has been written so far.
 
     Raises:
         JointplayError: no such sweep, or a damaged one.

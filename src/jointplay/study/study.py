@@ -1,8 +1,9 @@
-"""Many runs: which (a plan), what is wanted of each (a measure), where that is kept (a store).
+"""A study: a plan of cases, the measure taken of each, and the store that keeps the values.
 
 A plan is any collection of cases: simulations, changes of a scenario, numbers. A measure is a
-function of a case; it runs where the case does, and only what it returns comes back. Cases that
-the store has are not run again, so a study that was interrupted goes on.
+function of a case; it runs in the process that runs the case, and only its return value comes
+back. Cases already in the store are not run again, so an interrupted study resumes where it
+stopped.
 """
 
 from __future__ import annotations
@@ -28,21 +29,21 @@ Output = TypeVar("Output", covariant=True)
 
 
 class Store(Protocol[Input]):
-    """Keeps what was found, by the keys of cases."""
+    """Keeps the value measured of each case, by the case's key."""
 
     @property
     def recovery(self) -> str:
-        """What is left if a process is killed, in words."""
+        """What survives if a process is killed: a clause for the error message."""
 
     def __contains__(self, key: Any) -> bool:
-        """Whether a case has been run."""
+        """Whether the case with this key has been run."""
 
     def keep(self, key: Any, value: Input, /) -> None:
-        """Keep what was found of a case."""
+        """Store the value measured of a case."""
 
 
 class Memory(dict[Any, Value]):
-    """A store that ends with the process."""
+    """A store in memory, lost when the process ends."""
 
     recovery = "nothing was kept"
 
@@ -51,26 +52,27 @@ class Memory(dict[Any, Value]):
 
 
 class Workers(Protocol[Input, Output]):
-    """Who runs cases: this process, others of this machine, or those of a cluster."""
+    """Runs cases: in this process, in others on this machine, or on a cluster."""
 
     def run(self, cases: Iterable[tuple[Any, Input]]) -> Iterator[tuple[Any, Output]]:
-        """Do the work for these items, by key; gives what comes of them, as it comes."""
+        """Run cases, given with their keys; yields key and value of each as it finishes."""
 
     def close(self) -> None:
-        """End them; what they were doing is given up."""
+        """End the workers; cases in progress are abandoned."""
 
 
 @known_keywords
 class Study(Generic[Case, Value]):
-    """Many runs.
+    """Many runs of one measure.
 
     Args:
-        plan: cases by key, or in order, which are then their keys; an iterator is asked for the
-            next one when a process is free. Only of a mapping may the store have some already.
-        measure: what is wanted of a case. With several processes it, cases, and what it returns
-            travel pickled.
-        store: keeps it; None: memory.
-        name: of the cases, with which errors say of which they are.
+        plan: cases by key, or in order, their numbers then being the keys; an iterator is asked for
+            the next case when a process is free. Only with a mapping may the store already hold
+            some of the cases.
+        measure: function of a case. With several processes, the measure, the cases and the
+            returned values are pickled.
+        store: keeps the values; None: memory.
+        name: what the cases are called in errors.
         early: whether a process that is told to stop ends its case early and saves it.
     """
 
@@ -96,18 +98,18 @@ class Study(Generic[Case, Value]):
         workers: Workers[Case, Value] | None = None,
         **bar_options: Any,
     ) -> Generator[tuple[Any, Value]]:
-        """Run what is left; gives each case's key and what was found, once that has been kept.
+        """Run the cases that are left; yields key and value of each once the store has it.
 
         Args:
-            jobs: processes; None takes one for each core, 1 runs here.
-            progress: show a bar on standard error; or a bar, which each case moves by one.
-            workers: that run the cases instead; they are not closed.
-            shown: of the bar, as `ProgressBar` takes it.
+            jobs: processes; None takes one for each core, 1 runs in this process.
+            progress: show a bar on standard error; or a bar, which each case advances by one.
+            workers: run the cases in place of `jobs` processes; they are not closed.
+            bar_options: options of `ProgressBar`.
 
         Raises:
-            JointplayError: `jobs` that make no sense, a process that was ended from outside; it
-                cannot be kept.
-            BaseException: what the measure raised; what was finished is in the store.
+            JointplayError: `jobs` out of range, a process that was ended from outside, or a value
+                that cannot be stored.
+            BaseException: what the measure raised; finished cases are in the store.
         """
         by_key = isinstance(self.plan, Mapping)
         finished = sum(key in self.store for key in self.plan) if by_key else 0
@@ -127,10 +129,10 @@ class Study(Generic[Case, Value]):
     def run(
         self, jobs: int | None = None, progress: bool | ProgressBar = False, **bar_options: Any
     ) -> list[Value]:
-        """Run what is left; gives what was found of all cases, in order. See `outcomes`.
+        """Run the cases that are left; returns the values of all cases, in order. See `outcomes`.
 
         Raises:
-            TypeError: the store is none that is in memory.
+            TypeError: the store is not a `Memory`.
         """
         if not isinstance(self.store, Memory):
             raise TypeError("outcomes() runs a study whose store is not in memory")
@@ -140,7 +142,7 @@ class Study(Generic[Case, Value]):
         return [self.store[key] for key in keys]
 
     def _pending(self) -> Iterator[tuple[Any, Case]]:
-        """Cases that the store has not, by key, as they are taken."""
+        """Yield key and case of those that the store lacks; plain cases are numbered as taken."""
         if isinstance(self.plan, Mapping):
             yield from ((key, self.plan[key]) for key in self.plan if key not in self.store)
             return
@@ -153,21 +155,21 @@ class Study(Generic[Case, Value]):
             return Serial(self.measure, name=self.name)
         from jointplay.physics import kernel
 
-        kernel.caller_of()  # once, for all of them
+        kernel.caller_of()  # compiled here once, not once in each process
         recovery = self.store.recovery
         return Pool(self.measure, number, early=self._early, recovery=recovery, name=self.name)
 
 
 @dataclass(frozen=True)
 class Measure(Generic[Value]):
-    """What is wanted of simulations: each is run, and a function of its result is kept."""
+    """The measure of a study of simulations: runs each, and takes a function of its result."""
 
     of: Callable[[Result], Value]
-    """A function of a module, which other processes find."""
+    """Function of the result; defined in a module, so that other processes can import it."""
     label: str = "a run"
-    """What a simulation is called where it fails."""
+    """What a simulation is called in the error if it fails."""
     check_step: bool = False
-    """Whether each run checks its step by a second one, as `Run.finish` does."""
+    """Whether each run checks its step by a second run, as `Run.finish` does."""
 
     def __call__(self, simulation: Simulation) -> Value:
         seed = "" if simulation.seed is None else f" with seed {simulation.seed}"
@@ -175,11 +177,11 @@ class Measure(Generic[Value]):
 
 
 def run_to_the_end(simulation: Simulation, label: str, check_step: bool = False) -> Result:
-    """Simulate; what stops a run, which is called `label`, is said in the error, not in a warning.
+    """Simulate to the end; a run that stops early is an error, which calls it `label`.
 
     Raises:
-        KeyboardInterrupt: it was interrupted.
-        JointplayError: it stopped early: why.
+        KeyboardInterrupt: the run was interrupted.
+        JointplayError: the run stopped early; says why.
     """
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)

@@ -1,4 +1,4 @@
-"""What a sweep is going to run: its axes, its samples, and the changes of each case."""
+"""The plan of a sweep: its axes, its samples, and the changes of the scenario for each case."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from jointplay.study.outcome import Index
 from jointplay.study.store import MOST_CASES
 
 SAMPLE, REPEAT = "sample", "repeat"
-"""Dimensions of samples of distributions, and of repeated runs."""
+"""Names of the dimensions of samples from distributions, and of repeated runs."""
 RESERVED = (SAMPLE, REPEAT, "status", "error", "result")
 """Names that no axis can have."""
 
@@ -41,22 +41,22 @@ class SweepPlan:
 
     scenario: Scenario
     case: str
-    """Of the scenario, which is changed."""
+    """Case of the scenario that is changed."""
     axes: tuple[Axis, ...] = ()
     """Dimensions of the grid."""
     drawn: tuple[Axis, ...] = ()
-    """What is sampled from distributions, along one dimension."""
+    """Quantities sampled from distributions, all along one dimension."""
     sampling: str = METHODS[0]
     samples: int = 0
     seed: int = 0
     repeats: int = 1
-    """Runs of each point with displaced journals, with `seed` and those that follow."""
+    """Runs of each point with displaced journals; their seeds are `seed` and those that follow."""
     measures: tuple[str, ...] = ()
     """Functions of a result, ``module:function``."""
     results: bool = False
     """Whether the results of cases are kept."""
     start: float | None = None
-    """Measures leave out what is before [s]; None: as the scenario's runs are judged."""
+    """Time from which measures are taken [s]; None: from where the scenario's runs are judged."""
     tool_error: bool = True
     """Whether the tool is compared with the ideal mechanism's."""
     until: Until | None = None
@@ -106,6 +106,7 @@ class SweepPlan:
         return self.scenario.data(self.case)
 
     def changes(self, index: Index) -> dict[str, Any]:
+        """Changes of the scenario's tables for a case."""
         changes: dict[str, Any] = {}
         position = dict(zip(self.sizes, index, strict=True))
         for axis in self.axes:
@@ -119,7 +120,7 @@ class SweepPlan:
     def with_value(
         self, axis: Axis, value: Any, changes: Mapping[str, Any] | None = None
     ) -> dict[str, Any]:
-        """Changes with a value of an axis besides."""
+        """`changes` together with those that an axis makes for a value."""
         changed = dict(changes or {})
         if not axis.keys:
             return merge(changed, value)
@@ -128,6 +129,7 @@ class SweepPlan:
         return changed
 
     def values(self, index: Index) -> dict[str, Any]:
+        """Coordinates of a case, by name."""
         position = dict(zip(self.sizes, index, strict=True))
         coordinates = {axis.name: axis.coordinate[position[axis.name]].item() for axis in self.axes}
         coordinates |= {
@@ -136,16 +138,13 @@ class SweepPlan:
         }
         return coordinates | ({REPEAT: position[REPEAT]} if self.repeats > 1 else {})
 
-    @property
-    def cases(self) -> Cases:
-        return Cases(self)
-
     def with_samples(self, samples: int) -> SweepPlan:
-        """The same sweep with more samples, of which the first stay what they are."""
+        """The sweep with more samples, of which the first remain the same."""
         return replace(self, samples=samples, table={**self.table, "samples": samples})
 
     @cached_property
     def joints(self) -> list[str]:
+        """Joints that have clearance in some case."""
         names = dict.fromkeys(str(name) for name in self.base.get("joints", {}))
         for axis in (*self.axes, *self.drawn):
             names |= {str(key[1]): None for key in axis.keys if key[0] == "joints" and len(key) > 1}
@@ -155,7 +154,7 @@ class SweepPlan:
 
     @property
     def coordinates(self) -> dict[str, tuple[str, np.ndarray, dict[str, str]]]:
-        """By name: the dimension, values along it, their unit and meaning."""
+        """By name: the dimension, the values along it, and their unit and meaning."""
         values = [(axis, axis.name, axis.coordinate) for axis in self.axes]
         columns = self.drawn_values.T if self.drawn else ()
         values += [(axis, SAMPLE, x) for axis, x in zip(self.drawn, columns, strict=True)]
@@ -171,7 +170,7 @@ class SweepPlan:
 
     @property
     def attributes(self) -> dict[str, Any]:
-        """Attributes of the store, for its readers."""
+        """Description of the sweep, for readers of its store."""
         return {
             "case": self.case,
             "sampling": self.sampling,
@@ -184,17 +183,19 @@ class SweepPlan:
         }
 
     def meaning(self, measure: str) -> tuple[str, str, str]:
+        """Unit, meaning and origin of a measure."""
         from jointplay.study.measures import USER, unit_and_meaning
 
         known = unit_and_meaning(measure, self.joints)
         return (*known, "") if known else ("", measure.replace("_", " "), USER)
 
     def grown(self, identity: Mapping[str, str], sizes: Sequence[str]) -> set[str]:
-        """Keys of `identity` in which this is the plan of another, with these dimensions, grown."""
+        """Keys in which this plan extends another sweep of given identity and dimensions."""
         if list(sizes) != list(self.sizes):
             return set()
         keys = set()
         for key in (key for key in self.identity if key.startswith("sweep.")):
+            # Lists may get values at their end; samples and repeats may become more.
             old, new = (json.loads(texts.get(key, "null")) for texts in (identity, self.identity))
             longer = isinstance(old, list) and isinstance(new, list) and new[: len(old)] == old
             grows = key == "sweep.repeats" or (key == "sweep.samples" and self.sampling in GROWING)
@@ -204,7 +205,7 @@ class SweepPlan:
 
     @cached_property
     def identity(self) -> dict[str, str]:
-        """All that decides what the cases are and give, by dotted key: equal or not the same."""
+        """All that decides the cases and their results, as text by dotted key."""
         base = {k: v for k, v in self.base.items() if k not in ("title", "output")}
         base["output"] = {"record_every": self.base.get("output", {}).get("record_every", 10)}
         entries = dict(_flat(base))
@@ -217,7 +218,7 @@ class SweepPlan:
 
     @cached_property
     def inputs(self) -> dict[str, str]:
-        """Text of the files that the cases need, by the names that the scenario gives them."""
+        """Texts of the files that the cases need, by their names in the scenario."""
         folder = self.scenario.path.parent
         references: set[tuple[str, str]] = set(_references(self.base))
         for axis in self.axes:
@@ -254,12 +255,12 @@ class Cases(Mapping[Index, tuple[Index, dict[str, Any]]]):
 
 
 def _references(value: Any) -> Iterator[tuple[str, str]]:
-    """Files and functions that tables of a scenario name: (kind, name)."""
+    """Yield kind and name of the files and functions that tables of a scenario refer to."""
     if isinstance(value, Mapping):
         for key, inner in value.items():
             if key in ("urdf", "file", "function") and isinstance(inner, str):
                 yield str(key), inner
-            elif key != "xacro":  # whose arguments may have any name
+            elif key != "xacro":  # arguments of xacro may have any name, `file` too
                 yield from _references(inner)
     elif isinstance(value, list | tuple):
         for inner in value:
@@ -274,7 +275,7 @@ def _flat(value: Any, path: Key = ()) -> Iterator[tuple[str, str]]:
         yield dotted(path), json.dumps(value, sort_keys=True, default=str)
 
 
-# From the table [sweep] of a scenario, or what is given in its place, to a plan.
+# Reading a plan from the table [sweep] of a scenario, or from arguments.
 
 
 def plan_of(
@@ -282,12 +283,12 @@ def plan_of(
     axes: Mapping[str, Any] | None = None,
     **options: Any,
 ) -> SweepPlan:
-    """Read the table [sweep] of a scenario, or what is given in its place, and check it.
+    """Read the plan of a sweep from the table [sweep] of a scenario and arguments, and check it.
 
     Args:
         source: a scenario or its file.
-        axes: instead of those of the file: by name, see docs/sweeps.md.
-        options: other keys of the table [sweep], instead of those of the file.
+        axes: axes in place of the file's, by name; see docs/sweeps.md.
+        options: other keys of the table [sweep], in place of the file's.
 
     Raises:
         JointplayError: an empty or contradictory sweep, keys that do not exist.
@@ -351,24 +352,20 @@ def _integer(minimum: int) -> Callable[[Any], int]:
     return lambda value: require_whole("it", value, minimum, 2**62 - 1)
 
 
-def _names(value: Any) -> tuple[str, ...]:
-    names: tuple[str, ...] = check(tuple[str, ...], [value] if isinstance(value, str) else value)
-    return names
-
-
 _READERS: dict[str, Callable[[Any], Any]] = {
     "samples": _integer(1),
     "seed": _integer(0),
     "repeats": _integer(1),
     "sampling": lambda value: check(Literal[METHODS], value),  # type: ignore[valid-type]
-    "measures": _names,
+    "measures": lambda value: check(tuple[str, ...], [value] if isinstance(value, str) else value),
     "results": lambda value: check(bool, value),
     "start": lambda value: require_non_negative("it", check(float, value, ("s",)), "s"),
     "tool_error": lambda value: check(bool, value),
     "until": read_until,
 }
-"""What the keys of the table take, but for the axes and the case."""
+"""Readers of the values of the table's keys, other than axes and case."""
 OPTIONS = ("axes", "case", *_READERS)
+"""Keys of the table [sweep]."""
 
 
 def _numbers(scenario: Scenario, table: Mapping[str, Any]) -> dict[str, Any]:
@@ -413,7 +410,7 @@ def _check(plan: SweepPlan) -> None:
 
 
 def _check_keys(plan: SweepPlan) -> None:
-    """Refuse two axes that put their values at the same place."""
+    """Raise a JointplayError if two axes set the same key, or one a part of the other's."""
     paths: dict[Key, str] = {}
     for axis in (*plan.axes, *plan.drawn):
         keys = axis.keys or tuple({(str(k),) for change in axis.values for k in change})

@@ -1,4 +1,4 @@
-"""The table at the end of a sweep."""
+"""Tables of a sweep's measures over its grid, and statistics of its samples."""
 
 from __future__ import annotations
 
@@ -46,7 +46,9 @@ HEADLINE = (
 
 
 def points(dataset: xr.Dataset, rows: int, cell: Callable[[IntervalEstimate], Any]) -> Table:
-    """The first points of the grid, with means over repeats and samples as `cell` has them."""
+    """Table of the first points of the grid; `cell` makes the entries from the estimate of the mean
+    over repeats and samples.
+    """
     dims, over = grid(dataset)
     columns = columns_of(dataset)
     head = [*(label(dataset, d) for d in dims), *(_head(*c[:2]) for c in columns)]
@@ -63,13 +65,13 @@ def points(dataset: xr.Dataset, rows: int, cell: Callable[[IntervalEstimate], An
 
 
 def grid(dataset: xr.Dataset) -> tuple[list[str], list[str]]:
-    """Dimensions of the grid, and those that are averaged over."""
+    """Dimensions of the grid, and the dimensions (samples, repeats) that are averaged over."""
     dims, repeated = list(dataset.attrs["sizes"]), (SAMPLE, REPEAT)
     return [d for d in dims if d not in repeated], [d for d in dims if d in repeated]
 
 
 def table(dataset: xr.Dataset, rows: int = 20) -> str:
-    """Means over repeats and samples at each point of the grid, and what failed, in lines."""
+    """Text with the means at each point of the grid, failed cases, and the cost of the sweep."""
     status = dataset["status"].values
     dims, over = grid(dataset)
     count = math.prod(dataset.sizes[d] for d in dims)
@@ -90,7 +92,7 @@ def table(dataset: xr.Dataset, rows: int = 20) -> str:
 
 
 def varied_keys(dataset: xr.Dataset) -> set[str]:
-    """Keys of the scenario that the axes change; an axis that names none is named like its key."""
+    """Keys of the scenario that the axes change; an axis without a key is named like its key."""
     keys: set[str] = set()
     for name, axis in json.loads(dataset.attrs["sweep"])["axes"].items():
         table = axis if isinstance(axis, dict) else {}
@@ -102,7 +104,7 @@ def varied_keys(dataset: xr.Dataset) -> set[str]:
 
 
 def columns_of(dataset: xr.Dataset) -> list[tuple[str, str, float]]:
-    """Measures of the table, the user's own last: name, unit, and factor to it."""
+    """Name, unit, and factor from SI to it, of the table's measures, the user's own last."""
     users = [
         (name, str(dataset[name].attrs.get("units", "")), 1.0)
         for name in _measures(dataset)
@@ -121,15 +123,15 @@ def measured(dataset: xr.Dataset, name: str) -> xr.DataArray:
 
     Raises:
         MissingName: there is none of the name.
-        JointplayError: it is of a rolling bearing, and no case has one there.
+        JointplayError: it is of a rolling bearing, and no case has one in that joint.
     """
     names = _measures(dataset)
     if name not in names:
         if any(name == base or name.startswith(f"{base}_") for base in BEARING):
             having = [base for base in names if base.startswith(tuple(BEARING))]
             raise JointplayError(
-                f"no measure {name!r}: it is of a joint with rolling elements; of this sweep's "
-                + (f"there are {', '.join(having)}" if having else "joints none has any")
+                f"no measure {name!r}: it is of rolling bearings; "
+                + (f"this sweep has {', '.join(having)}" if having else "this sweep has none")
             )
         raise MissingName("measure", name, names)
     return dataset[name]
@@ -156,7 +158,7 @@ def _head(name: str, unit: str) -> str:
 
 
 def coordinate_text(dataset: xr.Dataset, name: str, index: int) -> str:
-    """A value of a coordinate as text."""
+    """Text of a coordinate's value at an index, in the unit of `scale`."""
     if name not in dataset.coords:
         return str(index)
     value: Any = dataset[name].values[index]
@@ -170,7 +172,7 @@ def _text(value: float) -> str:
 
 
 def select(dataset: xr.Dataset, only: Mapping[str, str]) -> xr.Dataset:
-    """The cases nearest to given values of some dimensions.
+    """The part of a sweep at, or nearest to, given values of some dimensions.
 
     Raises:
         JointplayError: no such dimension or value.
@@ -182,7 +184,7 @@ def select(dataset: xr.Dataset, only: Mapping[str, str]) -> xr.Dataset:
         if labelled and coordinates.dtype.kind in "fi":
             unit = str(dataset[name].attrs.get("units", ""))
             quantity: Any = text
-            with suppress(ValueError):  # plain numbers are in SI
+            with suppress(ValueError):  # a plain number is in SI
                 quantity, unit = float(text), ""
             try:
                 index = int(np.abs(coordinates - float(convert(quantity, unit))).argmin())
@@ -196,20 +198,21 @@ def select(dataset: xr.Dataset, only: Mapping[str, str]) -> xr.Dataset:
     return dataset
 
 
-# What the samples of a sweep say of a measure, in words.
+# Statistics of a measure over the samples of a sweep.
 
 
 QUANTILES = (0.05, 0.5, 0.95, 0.99)
+"""Quantiles that `uncertainty` gives."""
 
 
 def samples_of(dataset: xr.Dataset, measure: str) -> np.ndarray:
     """Independent values of a measure in the order of the samples.
 
-    Of a saltelli design only the base sample's points are; repeats are averaged, for runs of the
-    same point are not independent samples.
+    In a Saltelli design only the points of its two base samples are independent; repeats are
+    averaged, as runs of the same point are not independent samples.
 
     Raises:
-        JointplayError: no such measure, or nothing is sampled; a grid besides the samples.
+        JointplayError: no such measure; nothing is sampled; there is a grid besides the samples.
     """
     values = measured(dataset, measure)
     grid = [str(d) for d in values.dims if d not in (SAMPLE, REPEAT) and values.sizes[d] > 1]
@@ -230,7 +233,7 @@ def samples_of(dataset: xr.Dataset, measure: str) -> np.ndarray:
 
 
 def indices_of(dataset: xr.Dataset, measure: str) -> SobolIndices | None:
-    """Sobol indices of a measure; None where the design is not one for them.
+    """Sobol indices of a measure; None if the design of the samples does not give them.
 
     Raises:
         JointplayError: a case has no value, or SALib is not installed.
@@ -245,9 +248,10 @@ def indices_of(dataset: xr.Dataset, measure: str) -> SobolIndices | None:
 
 @known_keywords
 def uncertainty(dataset: xr.Dataset, measure: str, precision: float) -> str:
-    """Mean, standard deviation, quantiles, how many runs are enough, Sobol indices: in lines.
+    """Text with a measure's mean, standard deviation, quantiles, how many runs would be enough, and
+    Sobol indices.
 
-    `precision` is the relative half width of a confidence interval that is enough.
+    `precision` is the relative half width of the confidence interval that counts as enough.
 
     Raises:
         JointplayError: see `samples_of`.
@@ -269,7 +273,7 @@ def uncertainty(dataset: xr.Dataset, measure: str, precision: float) -> str:
         notes.append(f"{label} within {100 * precision:g} %: {verdict}")
     missing = f", {len(values) - known} without a value" if known < len(values) else ""
     unit, several = str(dataset[measure].attrs.get("units", "")), estimates.values()
-    fine = unit == "m"  # speeds and times are as they are
+    fine = unit == "m"  # only lengths are shown in finer units
     statistics = Table(
         (
             Column(f"{known} samples{missing}", list(estimates)),

@@ -1,4 +1,4 @@
-"""A sweep from its plan to its store: which processes run the cases, and when it ends."""
+"""Running a sweep, from its plan to its store: which processes run the cases, and when it ends."""
 
 from __future__ import annotations
 
@@ -29,26 +29,26 @@ from jointplay.study.case import Bench, Case, job, run_case
 from jointplay.study.database import FILE, is_there
 from jointplay.study.measures import shipped
 from jointplay.study.outcome import FAILED, Index, Outcome
-from jointplay.study.store import Sweep, SweepStore, open_sweep, sizes_of
+from jointplay.study.store import Sweep, SweepStore, open_sweep
 from jointplay.study.study import Study, Workers
-from jointplay.study.sweep_plan import REPEAT, SAMPLE, SweepPlan, plan_of
+from jointplay.study.sweep_plan import REPEAT, SAMPLE, Cases, SweepPlan, plan_of
 
 MANY = 20_000
-"""Cases above which a sweep asks whether it is meant."""
+"""Number of cases above which a sweep has to be confirmed."""
 PATIENCE_S = 2.0
-"""How long a case is tried [s]."""
+"""Time for which a case is run to estimate the sweep's [s]."""
 MOST_CHECKED = 1000
-"""Values of an axis that are tried before anything runs."""
+"""Most values of an axis that are checked before anything runs."""
 MEASURES_BYTES = 300
-"""What the measures of a case take in the store [bytes]."""
+"""Size of a case's measures in the store [bytes]."""
 _TIMES = ((86400.0, "days"), (3600.0, "hours"), (60.0, "minutes"), (1.0, "seconds"))
 _SIZES = ((1e12, "TB"), (1e9, "GB"), (1e6, "MB"), (1e3, "kB"))
 
 
 def cost_of(plan: SweepPlan, bench: Bench, processes: int) -> str:
-    """Time and size of a sweep in words, by the pace of the beginning of one of its cases."""
+    """Estimated time and size of a sweep in words, by the pace at which one of its cases begins."""
     started = time.perf_counter()
-    run = _first_run(plan, bench, plan.cases)
+    run = _first_run(plan, bench, Cases(plan))
     ready = time.perf_counter() - started
     moments = run.steps(CHUNK * run.simulation.step)
     next(moments)
@@ -65,12 +65,12 @@ def cost_of(plan: SweepPlan, bench: Bench, processes: int) -> str:
 
 
 def _first_run(plan: SweepPlan, bench: Bench, indices: Iterable[Index]) -> Run:
-    """The first of some cases that can be made ready."""
+    """Run of the first of some cases that can be built."""
     errors = []
     for index in indices:
         try:
             return Run(bench.simulation(plan.changes(index)))
-        except JointplayError as error:  # another case may be possible
+        except JointplayError as error:  # another case may be buildable
             errors.append(error)
     raise errors[0]
 
@@ -100,7 +100,7 @@ def sweep(
     progress: bool = False,
     **options: Any,
 ) -> Sweep:
-    """Run a sweep and keep what it finds in a folder; whatever is killed, `resume` goes on.
+    """Run a sweep and keep its measures in a folder; after any interruption `resume` continues.
 
         jp.sweep("jointplay:scara.toml", "clearance_sweep",
                  {"joints.joint_b.radial_clearance": [0, "0.1 mm", "0.2 mm"]}, case="0.2 mm")
@@ -108,15 +108,15 @@ def sweep(
     Args:
         source: a scenario, or its file, whose table [sweep] is run.
         store: the folder of the store.
-        axes: instead of those of the file, by name; or lists of values by key.
+        axes: axes in place of the file's, by name; or lists of values by key.
         jobs: processes; None takes one for each core.
         scheduler: address of a Dask scheduler, whose workers run the cases instead.
-        resume: go on with the store if there is one; finished cases do not run again.
-        extend: the same, and let it become larger: more samples, repeats, values at the end of a
-            list.
-        yes: run also what is very large; see `MANY`.
+        resume: continue the store if there is one; finished cases do not run again.
+        extend: as `resume`, and the store may become larger: more samples, repeats, or values at
+            the end of a list.
+        yes: run a very large sweep, too; see `MANY`.
         progress: show a bar.
-        options: keys of the table [sweep], instead of the file's: case, samples, repeats, ...
+        options: keys of the table [sweep], in place of the file's: case, samples, repeats, ...
 
     Returns:
         `open_sweep` of the store.
@@ -124,7 +124,7 @@ def sweep(
     Raises:
         JointplayError: an empty or contradictory sweep, a key that does not exist, a store of
             another sweep or that another process writes to, a scheduler that does not answer.
-        KeyboardInterrupt: Ctrl-C; what was finished is kept.
+        KeyboardInterrupt: Ctrl-C; finished cases are kept.
     """
     require_a("source", source, "Scenario", "str", "Path")
     require_a("store", store, "str", "Path")
@@ -147,27 +147,27 @@ def run_plan(
     progress: bool = False,
     begin: Callable[[Sequence[str]], None] | None = None,
 ) -> SweepPlan:
-    """Run what is planned; see `sweep` for what is not listed here.
+    """Run a plan; see `sweep` for errors and for arguments not listed here.
 
     Args:
-        plan: what is run.
-        path: of the store.
-        begin: called when nothing stands against it, before the first case, with what is to be
-            known of the cases, a line each.
+        plan: the plan.
+        path: the folder of the store.
+        begin: called after all checks, before the first case, with notes on the cases, a line each.
 
     Returns:
-        The plan as it was run: with `until` it may have more samples than it began with.
+        The plan as it was run: with `until` it may have more samples than at the beginning.
     """
     if "://" in str(path):
         raise JointplayError(
             f"a sweep is written to a folder, got {str(path)!r}; copy the finished folder there"
         )
+    # All that can refuse the sweep comes before its store is made.
     number = number_of(jobs)
     first = probe(plan, progress)
     if plan.count > MANY and not yes:
         guess = cost_of(plan, first, number)
         raise JointplayError(f"{plan.summary}: {guess}; use --yes to run it anyway")
-    _ = plan.identity  # reads the files, and says what is missing
+    _ = plan.identity  # reads all files, so that a missing one is an error now
     plan = _largest_so_far(plan, Path(path)) if resume or extend else plan
     with ExitStack() as stack:
 
@@ -177,11 +177,11 @@ def run_plan(
             return workers
 
         fresh = not is_there(Path(path), resume or extend)
-        # Those of a cluster may not answer: then nothing is to be written.
+        # A cluster may not answer: it is asked before a store is made.
         workers = hire(plan.count) if fresh and scheduler is not None else None
         store = SweepStore(path, plan, resume, extend)
         try:
-            while True:
+            while True:  # once, or with `until` as often as the samples have to be doubled
                 count = int(np.count_nonzero(~store.ran))
                 workers = hire(count) if count and workers is None else workers
                 if begin is not None:
@@ -193,7 +193,7 @@ def run_plan(
                     break
                 store.grow(store.plan.with_samples(2 * store.plan.samples))
             store.close()
-            files.written.append(store.path / FILE)  # should what follows be interrupted
+            files.written.append(store.path / FILE)  # named if what follows is interrupted
         except BaseException as error:
             _give_up(store, error)
             raise
@@ -208,7 +208,7 @@ def workers_for(
         from jointplay.study.cluster import ClusterWorkers
 
         return ClusterWorkers(partial(run_case, job(plan, send_files=True)), scheduler, _lost)
-    kernel.caller_of()  # which they then have
+    kernel.caller_of()  # compiled here once, not once in each process
     return Pool(partial(run_case, job(plan)), number, lost=_lost, small=True)
 
 
@@ -217,7 +217,7 @@ def _run_all(store: SweepStore, workers: Workers[Case, Outcome], runs: int, prog
     bar = ProgressBar(
         total=plan.count, initial=plan.count - runs, disable=not progress, unit="cases"
     )
-    study = Study(plan.cases, partial(run_case, job(plan)), store)
+    study = Study(Cases(plan), partial(run_case, job(plan)), store)
     with bar:
         bar.refresh()
         for _ in study.outcomes(progress=bar, workers=workers):
@@ -226,23 +226,29 @@ def _run_all(store: SweepStore, workers: Workers[Case, Outcome], runs: int, prog
 
 
 def _enough(store: SweepStore) -> bool:
-    """Whether the sweep is over: it has no aim, may not go on, or has reached it everywhere."""
+    """Whether the sweep is over: it has no target precision, may not take more samples, or has
+    reached the precision at every point of the grid.
+    """
     plan = store.plan
     if plan.until is None or 2 * plan.samples > plan.until.most:
         return True
     values = np.moveaxis(store.column(plan.until.measure), list(plan.sizes).index(SAMPLE), 0)
-    if plan.sampling == "saltelli":  # of each block, the two points that are independent
+    if plan.sampling == "saltelli":  # only two points of each block are independent
         block = len(plan.drawn) + 2
         values = np.concatenate([values[::block], values[block - 1 :: block]])
     if REPEAT in plan.sizes:
-        values = values.mean(axis=-1)  # repeats of a point are no samples of their own
+        values = values.mean(axis=-1)  # repeats of a point are not independent samples
     points = values.reshape(len(values), -1).T
     return all(plan.until.reached(point) for point in points if np.isfinite(point).any())
 
 
 def _largest_so_far(plan: SweepPlan, path: Path) -> SweepPlan:
-    """The plan with as many samples as the store has, where `until` has added some."""
-    if plan.until is None or (sizes := sizes_of(path)) is None:
+    """The plan with as many samples as the store has, if `until` has added some there."""
+    if plan.until is None:
+        return plan
+    try:
+        sizes = open_sweep(path).sizes
+    except JointplayError:  # `SweepStore` will say what is wrong with it
         return plan
     larger = plan
     while larger.sizes[SAMPLE] != sizes.get(SAMPLE):
@@ -253,6 +259,7 @@ def _largest_so_far(plan: SweepPlan, path: Path) -> SweepPlan:
 
 
 def _give_up(store: SweepStore, error: BaseException) -> None:
+    """Close the store, and add to an error how to continue."""
     finished = int(np.count_nonzero(store.ran))
     store.close()
     note = f"{finished} of {store.plan.count} cases are kept; --resume continues"
@@ -263,14 +270,13 @@ def _give_up(store: SweepStore, error: BaseException) -> None:
 
 
 def probe(plan: SweepPlan, progress: bool = False) -> Bench:
-    """Make the first case ready, and with it find out what is wrong with all of them.
+    """Check joints and axes, and build a case, before anything runs.
 
-    Where the first is refused, others are tried: a case that cannot be is no reason to stop, a
-    sweep of which none can is.
+    If the first case cannot be built, a few others from all over the sweep are tried: single cases
+    may fail, but not all of them.
 
     Raises:
-        JointplayError: none of a few cases from all of the sweep can be made ready, or an axis has
-            a value that no case can take.
+        JointplayError: none of these can be built, or an axis has a value that no case can take.
     """
     bench = Bench(job(plan))
     _check_joints(plan, bench)
@@ -283,10 +289,10 @@ def probe(plan: SweepPlan, progress: bool = False) -> Bench:
 
 
 def _check_values(plan: SweepPlan, bench: Bench, progress: bool) -> None:
-    """Refuse values of axes that no case can take, by building inputs with them; nothing runs.
+    """Raise a JointplayError if an axis has a value with which no simulation can be built.
 
-    Of a distribution, the extremes of its samples are looked at; of a long list or range, as many
-    values as `MOST_CHECKED`, its ends among them.
+    Checked are the extremes of a distribution's samples, and at most `MOST_CHECKED` values of a
+    list or range, its ends among them.
     """
     rows = [
         (axis, number, axis.values[number], axis.coordinate[number])
@@ -311,7 +317,7 @@ def _check_values(plan: SweepPlan, bench: Bench, progress: bool) -> None:
 
 
 def _refusal(plan: SweepPlan, bench: Bench, axis: Axis, number: int, value: Any) -> str | None:
-    """Why neither the scenario nor any of a few cases can take a value; None if one can."""
+    """Reason why neither the scenario nor any of a few cases can take a value; None if one can."""
     dimension = list(plan.sizes).index(SAMPLE if axis.sampled else axis.name)
     candidates = (
         plan.with_value(axis, value),
@@ -323,19 +329,19 @@ def _refusal(plan: SweepPlan, bench: Bench, axis: Axis, number: int, value: Any)
             bench.simulation(changes)
         except JointplayError as error:
             text = str(error).removeprefix(f"{bench.scenario.path}, ")
-            reason = reason or re.sub(r"^line \d+, ", "", text)  # which has another value
+            reason = reason or re.sub(r"^line \d+, ", "", text)  # the line has another value
         else:
             return None
     return reason
 
 
 def _spread(size: int, count: int) -> list[int]:
-    """As many whole numbers below `size`, or all; the first and the last are among them."""
+    """`count` evenly spaced integers from 0 to `size` - 1, both included, or all of them."""
     return [int(k) for k in np.unique(np.linspace(0, size - 1, min(size, count)).astype(int))]
 
 
 def _some(plan: SweepPlan, fixed: Mapping[int, int] | None = None) -> Iterator[Index]:
-    """A few cases from all of the sweep; `held` are indices by dimension that they have."""
+    """Yield a few cases from all over the sweep; `fixed` holds indices of some dimensions."""
     fixed = fixed or {}
     shape = tuple(1 if k in fixed else size for k, size in enumerate(plan.shape))
     for number in _spread(math.prod(shape), 16):
@@ -344,7 +350,7 @@ def _some(plan: SweepPlan, fixed: Mapping[int, int] | None = None) -> Iterator[I
 
 
 def _check_joints(plan: SweepPlan, bench: Bench) -> None:
-    """Say of a joint that does not exist that it is the axis which names it."""
+    """Raise a JointplayError if an axis, rather than the scenario, names a joint that is absent."""
     tables = plan.base.get("joints", {})
     unlisted = [name for name in plan.joints if name not in tables]
     if unlisted:

@@ -1,19 +1,19 @@
-"""What a released joint does in the end: it rests, swings for ever, diverges, or does not tell.
+"""Verdict on a released joint's motion: it comes to rest, swings for ever, diverges, or is unclear.
 
-Link and motor are followed as long as it takes, and looked at from time to time, without the first
-quarter of their motion, which is cut into three:
+Link and motor are followed for as long as it takes. From time to time the motion so far is judged;
+its first quarter is left out, and the rest cut into three thirds:
 
-1. At its pace in the last third, and if that is no faster than before, neither would come aside in
-   a day: it rests.
-2. Whichever of the two goes farther passes its middle upwards several times; the ways between these
-   passes, in three groups one after the other, are alike and take as long: it swings.
-3. Under a servo without an integral, swings at the edge of a count that do not grow, and are too
-   small to be said to hunt, are rest.
-4. At the end of the time a motion that leads one way and slows down, without an integral that winds
-   up meanwhile, ends where forces balance; so does one that goes ever slower for a day.
+1. Rest: at the pace of the last third, if that is no faster than the third before, neither link nor
+   motor would get anywhere in a day.
+2. Swinging: whichever of the two goes farther passes its middle upwards several times; these
+   periods, in three groups one after the other, are alike in size and duration.
+3. Rest, under a servo without an integral: swings at the edge of a count that do not grow, and are
+   too small to be called hunting.
+4. Rest, at the end of the time: a motion that leads one way and slows down, with no integral that
+   winds up meanwhile, ends where forces balance; so does one that goes ever slower for a day.
 
-A joint under a servo is run by the engine for a minute, then, from the start, by an implicit
-solver of the same equations (`slow_motion`).
+The engine runs a joint under a servo for a minute; if that does not tell, an implicit solver of the
+same equations runs it again from the start (`slow_motion`).
 """
 
 from __future__ import annotations
@@ -34,61 +34,64 @@ from jointplay.study.released import STEP_S, Axis, Released
 from jointplay.study.slow_motion import slow_motion
 
 STEPPED_S = 60.0
-"""How long the engine runs a joint under a servo. With 20 s one of 110 random joints is lost, that
-swings fast but grows slowly, which costs the solver more steps than it may take."""
+"""Time for which the engine runs a joint under a servo [s]. With 20 s one of 110 random joints is
+lost: its swings are fast but grow slowly, which takes the solver more steps than it may make."""
 
 CHATTERS_S = 15.0
-"""From when on chatter between two counts is known from swings that grow: it is as large from one
-quarter to the next, but for the moments at which it was recorded (`STEADY`; judged)."""
+"""Time from which chatter between two counts can be told from swings that grow [s]: it is equally
+large from one quarter to the next, but for the moments at which it was recorded (`STEADY`;
+judged)."""
 
 DAY_S = 1e5
-"""Longest motion under a servo (judged: with 1e4 to 1e7 at most one of nine slow joints is unclear,
-and none is judged otherwise)."""
+"""Longest motion under a servo, a day [s] (judged: with 1e4 to 1e7 at most one of nine slow joints
+is unclear, and none is judged otherwise)."""
 
 LONGEST_S = 300.0
-"""Longest run under controllers of the user's own, which only the engine can run, and there what
-counts as a day."""
+"""Longest run under controllers of the user's own, which only the engine can run; there it stands
+for the day [s]."""
 
 FINER = 4
-"""A run that diverges is made again with steps so many times shorter, which may be at fault."""
+"""A run that diverges is repeated with steps so many times shorter, as the step may be at fault."""
 
 FIRST_LOOK_S, LATER = 0.7, 1.5
-"""When a motion is looked at first, after several swings of what is fast, and by how much later
-each time (judged: they cost time only)."""
+"""Time at which a motion is first judged, after several fast swings [s], and the factor from each
+time to the next (judged: they cost computing time only)."""
 
 LEAST_SWING = 0.01
-"""Half a swing, in plays of the gear, below which nothing is said to hunt (judged)."""
+"""Least amplitude of hunting, in plays of the gear (judged)."""
 
 ROUNDING = 1e-3
-"""Part of a way that is noise: slower than by this part of what would rest need not slow down."""
+"""Relative rounding of travels; what goes less than this part of the least swing in a day is at
+rest even if it does not slow down."""
 
 STEADY, EVEN = 0.02, 2e-3
-"""Before the end swings last that differ by less than the first from group to group; and if they
-shrink or grow from each to the next by half as much again or more, as they do before they end or
-settle, by less than the second in all (judged)."""
+"""Before the end of the time, swings last if their sizes differ by less than `STEADY` from group to
+group; and, if the second change has the sign of the first and more than half its size, as in swings
+that die out or settle, by less than `EVEN` in all (judged)."""
 
 SUSTAINED = 0.9
-"""At the end of the time the last swings need only be so large, compared with those before; and
-always so quick, for in a dead band what creeps turns ever later: if the times until then grow in
-proportion, the last third of its turns takes 4^(2/3) = 2.5 times as long as the first."""
+"""Least size of the last swings, relative to those before, at the end of the time; and always least
+ratio of the first group's duration to the last one's, for what creeps in a dead band turns ever
+later: if its turning times grow in proportion, the last third of them takes 4^(2/3) = 2.5 times as
+long as the first."""
 
 DECAY = math.sqrt(10.0)
-"""What comes less times as far in the last nine tenths of a day as in nine tenths of the time
-before dies out: it is 10 times for what lasts, once for what slows down as 1/t."""
+"""A motion dies out that travels less from a tenth to the end of a day than this multiple of its
+travel from a hundredth to a tenth: 10 for a motion that lasts, 1 for one that slows down as 1/t."""
 
 
 class Swing(NamedTuple):
-    """What a joint does at rest."""
+    """What a released joint does in the end."""
 
     hunts: bool
     amplitude: float
-    """Half of the joint's way to and fro [rad or m]; 0 if it comes to rest, inf if it diverges."""
+    """Amplitude of the link [rad or m]; 0 if it comes to rest, inf if it diverges."""
     frequency: float
-    """[Hz]; 0 if it comes to rest."""
+    """Frequency [Hz]; 0 if it comes to rest."""
     twist: float = 0.0
-    """Half of what the gear turns in itself to and fro [rad or m]."""
+    """Amplitude of the gear's twist, motor against link [rad or m]."""
     unclear: bool = False
-    """Whether it still moves at the end of the time, which does not tell how it goes on."""
+    """Whether it still moves at the end of the time in a way that does not tell how it goes on."""
 
 
 QUIET = Swing(False, 0.0, 0.0)
@@ -98,19 +101,19 @@ DIVERGES = Swing(True, math.inf, 0.0)
 
 @dataclass(frozen=True)
 class Trial:
-    """A run of what is released."""
+    """One release: of which joints, from where, with play or without, for how long."""
 
     released: Released
     start: float
-    """How far joints and motors begin aside, in plays of their gears."""
+    """Distance from the goal at which joints and motors begin, in plays of their gears."""
     play: bool = True
     """Whether gears have their play."""
     longest: float | None = None
-    """[s]; None: `DAY_S` under a servo, else `LONGEST_S`."""
+    """Longest motion [s]; None: `DAY_S` under a servo, else `LONGEST_S`."""
 
 
 def swings(trial: Trial) -> list[Swing]:
-    """What each axis does in the end.
+    """Run a trial, and judge what each of its axes does in the end.
 
     Raises:
         JointplayError: a run that stops.
@@ -137,8 +140,9 @@ def swings(trial: Trial) -> list[Swing]:
 
 
 def _stepped(run: Run, trial: Trial, last: bool) -> list[Swing]:
-    """What each axis does in a run, at the end of which it is said if it is the `last` one; none if
-    not all are clear.
+    """Verdicts on all axes by a run of the engine, as soon as all are clear; empty if they are not.
+
+    At the end of the run every axis gets a verdict, unclear at worst, if this is the `last` run.
     """
     robot, axes, next_look = run.mechanism, trial.released.axes, FIRST_LOOK_S
 
@@ -167,7 +171,7 @@ def _stepped(run: Run, trial: Trial, last: bool) -> list[Swing]:
 
 
 def _solved(axis: Axis, trial: Trial, longest: float) -> Swing:
-    """What an axis does that the engine does not tell."""
+    """Verdict on an axis by the implicit solver, where the engine's run did not tell."""
     start = trial.start * axis.gear.play
     for time, positions in slow_motion(axis, start, trial.play, longest, STEPPED_S, LATER):
         if swing := _judge(time, positions, axis, last=time[-1] >= longest):
@@ -176,11 +180,12 @@ def _solved(axis: Axis, trial: Trial, longest: float) -> Swing:
 
 
 def _judge(time: np.ndarray, positions: np.ndarray, axis: Axis, last: bool) -> Swing | None:
-    """What a motion of link and motor shows, times evenly apart (n,) and positions (2, n); None if
-    it does not tell yet, and there is more.
+    """Verdict on a motion of link and motor, at evenly spaced times (n,), positions (2, n); None if
+    it does not tell yet and is not the `last`. The rules are in the module's docstring.
     """
     servo = axis.drive if isinstance(axis.drive, Servo) else None
     least_span = 2.0 * LEAST_SWING * axis.gear.play
+    # 1. Extrapolated to a day, the last quarter leads nowhere.
     quarter = (len(time) - 1) // 4
     late = len(time) - 1 - 3 * quarter
     later = positions[:, late:]
@@ -190,6 +195,7 @@ def _judge(time: np.ndarray, positions: np.ndarray, axis: Axis, last: bool) -> S
     at_rest = day_travels < least_span * np.where(travels[2] <= travels[1], 1.0, ROUNDING)
     if at_rest.all() or (last and at_rest[1]):
         return QUIET  # in the end a link may float in its play, beside a motor that stands
+    # 2. Periods of whichever goes farther, in three groups of `count`, are alike.
     spans = np.ptp(later, axis=1)
     body = int(np.argmax(spans))  # the motor may swing within the play of a link that stands
     rises = late + _rises(later[body])
@@ -204,9 +210,9 @@ def _judge(time: np.ndarray, positions: np.ndarray, axis: Axis, last: bool) -> S
             return Swing(
                 True, 0.5 * float(np.ptp(link)), frequency, 0.5 * float(np.ptp(motor - link))
             )
+    # 3. Beside the edge of a count it chatters where it came to rest, as nothing winds up.
     counts = servo is not None and servo.resolution > 0.0
     if servo and servo.i_gain == 0.0 and time[-1] >= (CHATTERS_S if counts else STEPPED_S - STEP_S):
-        # Beside the edge of a count it chatters where it came to rest, as nothing winds up.
         tail = later[:, quarter:]
         chatters = len(_rises(tail[body])) > 6 and np.ptp(tail, axis=1).max() < least_span
         grows = travels[2] > (1.0 + (STEADY if counts else EVEN)) * travels[1]
@@ -214,6 +220,7 @@ def _judge(time: np.ndarray, positions: np.ndarray, axis: Axis, last: bool) -> S
             return QUIET
     if not last:
         return None
+    # 4. Both bodies settle: at rest, monotonic and slowing down, or dying out over a day.
     settling = at_rest
     if servo and servo.i_gain == 0.0:
         monotonic = np.abs(later[:, -1] - later[:, 0]) >= (1.0 - ROUNDING) * spans
@@ -227,7 +234,7 @@ def _judge(time: np.ndarray, positions: np.ndarray, axis: Axis, last: bool) -> S
 
 
 def _are_sustained(sizes: Sequence[float], last: bool) -> bool:
-    """Whether swings of these three sizes, one after the other, go on so."""
+    """Whether swings of these three sizes, one after the other, go on for ever."""
     first, second, third = sizes
     before, after = second - first, third - second
     drifting = before * after > 0.0 and abs(after) > 0.5 * abs(before)
@@ -238,7 +245,9 @@ def _are_sustained(sizes: Sequence[float], last: bool) -> bool:
 
 
 def _rises(values: np.ndarray) -> np.ndarray:
-    """Where values pass their middle upwards, an eighth of their range either way left out."""
+    """Indices at which values pass their middle upwards, with a hysteresis of an eighth of their
+    range either way.
+    """
     low, high = values.min(), values.max()
     deviation = values - 0.5 * (low + high)
     side = np.sign(np.where(np.abs(deviation) > 0.125 * (high - low), deviation, 0.0))

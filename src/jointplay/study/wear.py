@@ -1,13 +1,14 @@
 """Wear of bearings by Archard's law, and how long a clearance takes to grow (docs/wear.md).
 
 Where the journal slides under load it takes material off the bore, in proportion to normal force
-and way (J. F. Archard, J. Appl. Phys. 24 (1953) 981-988): dV = (K/H) F_n ds, K being the whole
-factor, without Archard's 1/3 of round asperities.
+and sliding distance (J. F. Archard, J. Appl. Phys. 24 (1953) 981-988): dV = (K/H) F_n ds, K being
+the whole factor, without Archard's 1/3 for round asperities.
 
-A run counts F_n ds around bore and journal, which is a volume by azimuth. Wear is extrapolated over
-blocks of many equal cycles: the journal grinds itself into the bore where it presses, and the bore
-into the journal (`ground`); the worn bore is what the journal meets in the next block's run, while
-wear of the journal counts there by its mean. The outcome is an estimate.
+A run accumulates F_n ds by azimuth around bore and journal; times K/H that is the worn volume by
+azimuth. Wear is extrapolated over blocks of many equal cycles: the journal grinds itself into the
+bore where it presses, and the bore into the journal (`ground`). The next block's run is made with
+the worn bore; wear of the journal enters it by its mean over the azimuths. The result is an
+estimate.
 """
 
 from __future__ import annotations
@@ -71,7 +72,7 @@ def worn_depth(result: Result, joint: str, part: str = "bore") -> np.ndarray:
 
 
 def worn_depths(result: Result) -> Depths:
-    """The `worn_depth` of all joints that wear."""
+    """`worn_depth` of bore and journal of all joints that wear."""
     return {
         name: np.array([worn_depth(result, name, part) for part in WEARING_PARTS])
         for name in all_wearing(result.simulation)
@@ -79,7 +80,7 @@ def worn_depths(result: Result) -> Depths:
 
 
 def all_wearing(simulation: Simulation) -> dict[str, Wear]:
-    """How the joints wear that have a wear rate, by joint."""
+    """Wear data of the joints that have a wear rate, by joint."""
     clearance = simulation.mechanism.clearance
     return {name: joint.wear for name, joint in clearance.items() if joint.wear is not None}
 
@@ -108,7 +109,10 @@ def _wear(simulation: Simulation, joint: str) -> Wear:
 
 
 def first_profile(wear: Wear) -> np.ndarray:
-    """What bore and journal begin with, at `AZIMUTHS` azimuths, shape (2, ends, AZIMUTHS) [m]."""
+    """Worn depth of bore and journal at the start, by end and azimuth, (2, ends, AZIMUTHS) [m].
+
+    A measured profile of the bore is interpolated to the azimuths; else all is zero.
+    """
     profiles = np.zeros((2, len(wear.widths), AZIMUTHS))
     start = wear.profile
     if start is not None:
@@ -119,22 +123,22 @@ def first_profile(wear: Wear) -> np.ndarray:
 
 
 _SLICES = 8
-"""Rounds in which a block's wear is ground: how deep one azimuth is changes how far the journal
-gets at the next. Eight find the deepest place 2 % shallower than 64 (measured)."""
+"""Slices in which a block's wear is ground off: the depth at one azimuth changes how far the
+journal sinks at the next. Eight put the deepest place 2 % shallower than 64 do (measured)."""
 
 
 def ground(profile: np.ndarray, volume: np.ndarray, clearance: float) -> np.ndarray:
-    """Profile of a bore, or of a journal, when the other has ground `volume` off it.
+    """Profile of a bore, or of a journal, after the other has ground `volume` off it.
 
-    A round journal that presses at an azimuth and wears the bore there keeps to its own shape: its
-    centre sinks until the sickle between its circle and the bore, d cos(phi) - clearance beyond
-    the bore's circle, has the volume. So does a bore that wears its journal.
+    A round journal that presses at an azimuth cuts its own shape into the bore: its centre sinks
+    until the sickle between its circle and the bore, d cos(phi) - clearance beyond the bore's
+    circle, has the volume. A bore that wears its journal does the same.
 
     Args:
         profile: depth at equal azimuths, shape (n,) [m].
-        volume: what is worn off by contact at each azimuth, over that of 1 m of depth between two
-            azimuths, shape (n,) [m]. It is all found again in the depths.
-        clearance: radial, of the round bore [m].
+        volume: volume worn off by contact at each azimuth, divided by that of 1 m of depth over one
+            azimuth's width, shape (n,) [m]. The depths' sum grows by its sum.
+        clearance: radial clearance of the round bore [m].
     """
     n = len(profile)
     depth, share = profile.copy(), volume / _SLICES
@@ -145,8 +149,9 @@ def ground(profile: np.ndarray, volume: np.ndarray, clearance: float) -> np.ndar
         for azimuth in pressed[:: 1 - 2 * (turn % 2)]:  # to and fro: the first sinks deepest
             near = (azimuth + reach) % n
             room = clearance + depth[near]
-            # The journal meets azimuths one after the other as it sinks; between, the volume is
-            # linear in how far it has sunk.
+            # The sinking journal meets the azimuths in the order of room / cosine; between two of
+            # them the volume is linear in its descent. The last whose descent is enough to reach
+            # it is the last that is cut.
             order = np.argsort(room / cosine)
             descent = (share[azimuth] + np.cumsum(room[order])) / np.cumsum(cosine[order])
             last = np.flatnonzero(descent >= (room / cosine)[order])[-1]
@@ -155,7 +160,7 @@ def ground(profile: np.ndarray, volume: np.ndarray, clearance: float) -> np.ndar
 
 
 def _ground_all(simulation: Simulation, worn: Depths, wear: Depths, cycles: float) -> Depths:
-    """Profiles after so many cycles, each of which wears `wear`."""
+    """Profiles `worn` after further `cycles`, each of which wears the depths `wear`."""
     clearance = simulation.mechanism.clearance
     ground_profiles = {}
     for name, profile in worn.items():
@@ -171,7 +176,7 @@ def _ground_all(simulation: Simulation, worn: Depths, wear: Depths, cycles: floa
 
 
 def with_worn(simulation: Simulation, worn: Depths) -> Simulation:
-    """The simulation with worn bores; wear of a journal widens its bore by the mean."""
+    """The simulation with worn bores, each widened by the mean wear of its journal."""
     joints = dict(simulation.mechanism.clearance)
     for name, (bore, journal) in worn.items():
         joints[name] = joints[name].with_worn(bore + journal.mean(axis=-1, keepdims=True))
@@ -180,7 +185,7 @@ def with_worn(simulation: Simulation, worn: Depths) -> Simulation:
 
 @dataclass(frozen=True)
 class WearLife:
-    """How a joint wears with the cycles: an estimate, for each block is taken for equal cycles."""
+    """Estimated wear of a joint over the cycles; the cycles of a block are taken to be equal."""
 
     joint: str
     cycles: np.ndarray
@@ -192,9 +197,9 @@ class WearLife:
     """Standard error of each block's wear over it, from perturbed runs; NaN with one run,
     shape (blocks + 1,)."""
     growth: float | None
-    """Growth of the clearance that was asked for, if it was [m]."""
+    """Growth of the clearance that was asked for; None: a number of cycles was [m]."""
     reached: bool
-    """Whether it was reached, or the cycles that were asked for; else it was interrupted."""
+    """Whether that growth, or that number of cycles, was reached; False: interrupted before."""
 
     @property
     def bore(self) -> np.ndarray:
@@ -203,7 +208,7 @@ class WearLife:
 
     @property
     def journal(self) -> np.ndarray:
-        """The same of the journal [m]."""
+        """Depth of the deepest place of the journal after each block [m]."""
         return self.profiles[:, 1].max(axis=(1, 2))
 
     @property
@@ -213,7 +218,7 @@ class WearLife:
 
     @property
     def mean(self) -> np.ndarray:
-        """Growth of the clearance in the mean of all places [m]."""
+        """Growth of the clearance averaged over ends and azimuths [m]."""
         return self.profiles.mean(axis=(2, 3)).sum(axis=1)
 
     @property
@@ -222,7 +227,7 @@ class WearLife:
         return bool(self.bore[-1] > 0.0 and self.journal[-1] > 0.0)
 
     def _spread(self, values: np.ndarray) -> float:
-        """Standard error of the last of `values`, by those of the blocks; zero: not known."""
+        """Standard error of the last of `values`, from that of each block; zero: not known."""
         return float(np.sqrt(np.nansum((self.scatter[1:] * np.diff(values)) ** 2)))
 
     @property
@@ -272,14 +277,15 @@ class WearLife:
 def _count(
     simulation: Simulation, worn: Depths, wear: Depths, begun: np.ndarray, growth: float
 ) -> float:
-    """Cycles that take the deepest places to `growth` beyond what they began with."""
+    """Number of cycles after which the deepest places are `growth` deeper than `begun`."""
     (name,) = worn
 
     def shortfall(count: float) -> float:
         profiles = _ground_all(simulation, worn, wear, count)[name]
         return float((profiles - begun).max(axis=(1, 2)).sum()) - growth
 
-    upper = float(growth / wear[name].max())  # if each azimuth wore for itself
+    # Enough if each azimuth wore by itself; grinding spreads the volume, so it may take more.
+    upper = float(growth / wear[name].max())
     while shortfall(upper) < 0.0:
         upper *= 2.0
     return float(brentq(shortfall, 0.0, upper, rtol=1e-9))
@@ -300,23 +306,24 @@ def wear(
 ) -> WearLife:
     """Estimate the cycles until a clearance has grown by `growth`, or its bore after `cycles`.
 
-    Each of `blocks` blocks, equal in growth or in cycles, is run with the bores as they are, and
-    its wear taken for that of all its cycles. Other joints with a wear rate wear along.
+    For each of `blocks` blocks, equal in growth or in cycles, a run is made with the bores as worn
+    so far, and its wear per cycle is taken for that of all the block's cycles. Other joints with a
+    wear rate wear as well.
 
     Args:
-        simulation: one run, of one or a few cycles of the machine.
-        joint: whose clearance is to grow; it must have a `wear_rate`.
+        simulation: a run of one or a few cycles of the machine.
+        joint: joint whose clearance is to grow; it must have a `wear_rate`.
         growth: depth at the most worn place [m]; or
-        cycles: of the machine, after which the worn bore is asked for.
+        cycles: number of cycles after which the worn bore is wanted.
         blocks: how many times the bores' shapes are brought up to date; more are more exact.
-        cycles_per_run: cycles that one run holds.
-        runs: of each block, perturbed at the start by different seeds if there are several; their
-            scatter tells how well their mean is known.
+        cycles_per_run: cycles of the machine in one run.
+        runs: runs of each block, their starts perturbed by different seeds if there are several;
+            their scatter gives the standard error of their mean.
         jobs: processes; None takes one for each core.
         progress: show a bar on standard error.
 
     Returns:
-        The estimate; interrupted by Ctrl-C, what is known so far.
+        The estimate; if interrupted by Ctrl-C, that of the blocks done so far.
 
     Raises:
         JointplayError: a value out of range, a run that fails, or a joint that does not wear.
@@ -351,6 +358,7 @@ def wear(
                         f"the journal of {joint!r} does not slide under load: its clearance does "
                         "not grow"
                     )
+                # Cycles of this block: an equal part of them all, or until its part of the growth.
                 if growth is None:
                     assert cycles is not None
                     count = cycles / blocks

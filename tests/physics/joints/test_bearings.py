@@ -75,7 +75,7 @@ def test_a_sphere_on_a_plane_is_hertz_s_own():
     radius, modulus = 5e-3, 2.3e11
     stiffness, ratio = point_contact_stiffness(2.0 / radius, 0.0, modulus)
     assert ratio == 1.0
-    # Two like bodies: 1/E* is twice that of one.
+    # Both bodies are equal: 1/E* is twice that of one.
     assert stiffness == pytest.approx(4.0 / 3.0 * 0.5 * modulus * math.sqrt(radius), rel=1e-9)
 
 
@@ -206,7 +206,7 @@ def test_the_stiffness_is_the_fall_of_the_wrench(bearing):
         for k, step in enumerate(steps)
     ]
     whole = np.array([(b - a) / (2 * s) for (a, b), s in zip(ends, steps, strict=True)]).T
-    # What loads do by turning with their contacts is small beside it.
+    # The part by loads that turn with their contacts is small.
     for part in (np.s_[:3, :3], np.s_[3:5, 3:5]):
         size = np.abs(whole[part]).max()
         assert found[part] == pytest.approx(whole[part], abs=0.1 * size)
@@ -226,7 +226,7 @@ def test_the_compliance_is_the_change_of_the_place_of_rest_with_the_load(bearing
     expected = np.array([(a - b) / (2.0 * s) for (a, b), s in zip(ends, steps, strict=True)]).T
     found = bearing.rest(load[:3], load[3:]).compliance[:, :5]
     scale = np.outer([1.0, 1.0, 1.0, arm, arm, arm], [1.0, 1.0, 1.0, 1.0 / arm, 1.0 / arm])
-    # What a seat's lean adds in its second order is left out.
+    # The compliance in a seat neglects the second order of its lean.
     near = (1e-7 if seat is None else 1e-4) * np.abs(expected * scale).max()
     assert found * scale == pytest.approx(expected * scale, abs=near)
 
@@ -254,7 +254,7 @@ def test_bearings_in_tandem_come_to_rest_under_a_faint_moment_alone():
 
 
 def test_a_ring_comes_to_rest_where_one_ball_bears_all():
-    """Across it nothing is stiff until the next one is touched."""
+    """Across that ball the ring is free until it touches the next one."""
     bearing = jp.BallBearing(designation="6204", radial_clearance=1.722158226579152e-05)
     force = np.array([-9.247746569215293, 42.03221606347193, 0.0])
     loads = np.zeros((2000, 6))
@@ -268,7 +268,7 @@ def test_a_ring_comes_to_rest_where_one_ball_bears_all():
 
 
 def test_a_load_through_one_ball_leaves_the_ridge_between_the_places_beside_it():
-    """By symmetry nothing but rounding drove the search off it, too slowly."""
+    """By symmetry only rounding takes the search off that ridge, which is too slow."""
     bearing = jp.BallBearing(
         designation="6204", radial_clearance=1.1944264879221976e-05,
         element_stiffness=9803940001.88117, ring_material="bearing-steel",
@@ -301,7 +301,7 @@ def test_nothing_bears_load_within_the_free_set_and_something_beyond(clearance, 
     load = np.array([*way[:3], way[3] * arm, way[4] * arm, 0.0])
     point = play.support(load[None]).point[0]
     assert bearing.load(part * point).loads.max() == 0.0
-    # The second order of a lean leaves a little more room.
+    # The second order of a lean widens the play a little.
     assert bearing.load(1.06 * point).loads.max() > 0.0
 
 

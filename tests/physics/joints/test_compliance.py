@@ -1,4 +1,4 @@
-"""Joints that give way: springs alone, and in series with a rolling bearing."""
+"""Compliant joints: springs alone, and in series with a rolling bearing."""
 
 import math
 
@@ -25,7 +25,7 @@ SLIDE = ARM.replace('type="revolute"', 'type="prismatic"').replace('xyz="0 0 1"'
 
 @pytest.fixture
 def slide(tmp_path):
-    """A slider that moves along x, its weight 0.1 m off its middle."""
+    """A slider along x, its centre of mass 0.1 m off its middle along x."""
     path = tmp_path / "slide.urdf"
     path.write_text(SLIDE)
     return lambda joint, **options: jp.Mechanism(path, {"pin": joint}, **options)
@@ -33,14 +33,14 @@ def slide(tmp_path):
 
 @pytest.fixture
 def arm(tmp_path):
-    """An arm on a compliant pin, horizontal, its pin upright."""
+    """A horizontal arm on an upright compliant pin."""
     path = tmp_path / "arm.urdf"
     path.write_text(ARM)
     return lambda joint, **options: jp.Mechanism(path, {"pin": joint}, **options)
 
 
 def whole_matrix(matrix, free):
-    """(6, 6) of a matrix (5, 5) without the direction that is free."""
+    """The matrix (6, 6) of one (5, 5) without the free direction."""
     return np.insert(np.insert(matrix, free, 0.0, axis=0), free, 0.0, axis=1)
 
 
@@ -56,7 +56,7 @@ def test_an_arm_sags_by_its_weight_over_the_stiffness(arm):
     result = held(robot, start="rest")
     weight, lever = 2.0 * 9.81, 0.1
     at = {name: float(result["q"].sel(coordinate=f"pin.{name}")[-1]) for name in ("z", "pitch")}
-    # To the second order of the sag the lever is a little shorter.
+    # In the second order the sag shortens the lever a little.
     assert at["z"] == pytest.approx(-weight / 1e7, rel=1e-6)
     assert at["pitch"] == pytest.approx(weight * lever / 4e3, rel=1e-3)
     assert np.ptp(result["tool_position"].values, axis=0) == pytest.approx(np.zeros(3), abs=1e-9)
@@ -104,7 +104,7 @@ def test_a_slider_sags_and_leans_wherever_it_is(slide):
 
 @pytest.mark.parametrize("coordinate", ["x", "y", "yaw", "pitch", "roll"])
 def test_a_slider_that_slides_and_swings_keeps_its_energy(slide, coordinate):
-    """With short macro steps: centrifugal forces of the swing push it along, in their error."""
+    """Macro steps are short: centrifugal forces, in error by them, push the slider along."""
     stiff = jp.Elasticity(radial=2e7, tilt=4e3, torsion=3e3, damping_time=0.0)
     robot = slide(jp.CompliantSlider(elasticity=stiff), gravity=(0, 0, 0))
     run = jp.Run(jp.Simulation(
@@ -269,7 +269,7 @@ def test_a_body_on_a_mount_sags_leans_and_turns_by_load_over_stiffness(table):
 
 
 def test_a_sliders_torsion_is_in_its_rest_and_in_its_budget(tmp_path):
-    """The weight hangs beside a slider that moves along x: it turns about its own axis."""
+    """A weight beside a slider along x turns it about its own axis."""
     path = tmp_path / "beside.urdf"
     path.write_text(SLIDE.replace('<origin xyz="0.1 0 0"/>', '<origin xyz="0 0.05 0"/>'))
     robot = jp.Mechanism(path, {"pin": jp.CompliantSlider(elasticity=GUIDE)})

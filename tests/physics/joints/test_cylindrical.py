@@ -55,7 +55,7 @@ def test_gap_is_that_of_the_edge_point_nearest_to_the_rod(pose, k):
 
 @given(pose=poses, k=ends)
 def test_normal_and_arm_are_the_gradient_of_the_gap(pose, k):
-    """So the force does exactly the work that the change of the gap implies."""
+    """With them the force does exactly the work that the change of the gap implies."""
     centre, turn = at(pose)
     gap, place, normal = touched(k, centre, turn)
     if gap > 0.5 * PLAY:
@@ -113,7 +113,7 @@ def test_rod_falls_freely_along_its_axis_and_so_does_the_ideal_one(floating):
 
 
 def test_rod_lies_on_both_edges_and_rubs_as_coulomb_says(floating):
-    """Across gravity it rests; pushed along its axis it stops after v^2 / (2 mu g)."""
+    """It rests across gravity; pushed along its axis it stops after v^2 / (2 mu g)."""
     mu, speed = 0.1, 0.2
     clearance = CylindricalClearance(radial_clearance=PLAY, friction=jp.contact.Coulomb(mu))
     robot = floating(clearance, (-9.81, 0, 0), "0 0 0")

@@ -1,4 +1,4 @@
-"""Limits and fits by ISO 286-1: tables, what text is no fit, joints, budgets and commands."""
+"""Limits and fits by ISO 286-1: tables, texts that are no fits, joints, budgets, commands."""
 
 import subprocess
 from dataclasses import replace
@@ -164,7 +164,7 @@ FITS = {"shoulder_lift_joint": "30H8/f7", "elbow_joint": "20H7/g6"}
 
 
 def arm(part=None, **changes):
-    """The UR5 with its fits, or with parts of clearances that `part` makes of them."""
+    """The UR5 with fits, or with the clearances that `part` takes from each fit."""
     joints = {}
     for name, text in FITS.items():
         joint = jp.RevoluteClearance(fit=text, **changes)
@@ -185,7 +185,7 @@ def test_budgets_bound_and_average_parts_at_random():
 def test_budgets_have_the_loosest_parts_any_and_the_middle_ones(changes):
     found = jp.budget(arm(**changes), POSE)
     assert found.rms_parts.sum() == pytest.approx(found.rms[0])
-    # Squares have the mean that they have at three places of each clearance, weighted.
+    # The mean of squares, by Gauss's quadrature with three points of each clearance.
     weights, square = {-1: 1 / 6, 0: 2 / 3, 1: 1 / 6}, 0.0
     for pair in product(weights, repeat=len(FITS)):
         ways = iter(pair)

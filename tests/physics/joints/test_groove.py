@@ -115,7 +115,7 @@ def test_end_of_a_slot_is_a_half_circle(turn, away):
 
 @pytest.fixture
 def bead(urdf):
-    """A run of a body whose pin, at its centre of mass, slides in a groove of the ground."""
+    """Runs of a body whose pin, at its centre of mass, slides in a groove of the ground."""
 
     def run(clearance, start, kind="floating", gravity=(0.0, -9.81, 0.0), **options):
         path = urdf(body("bead", 0.1, "0 0 0", 1e-5), joint("pin", "base", "bead", kind))
@@ -128,8 +128,9 @@ def bead(urdf):
 
 
 def test_pin_in_a_circular_groove_swings_as_a_pendulum(bead):
-    """Its length is the outer wall's: the pin's centre is the play farther out, pressed in by 1 um;
-    its period by elliptic integrals.
+    """The pin runs on the outer wall, its centre by the play farther out and pressed in by 1 um.
+
+    The period of that length is known by elliptic integrals.
     """
     length, angle = 0.1, 0.3
     pendulum = jp.GrooveClearance(
@@ -150,7 +151,7 @@ def test_pin_in_a_circular_groove_swings_as_a_pendulum(bead):
 
 
 def test_straight_slot_is_a_slider_in_its_guide(bead):
-    """A round corner on a wall: both have the same stiffness, so a bounce is the same bounce."""
+    """A pin and a round corner on a wall have the same stiffness, so they bounce alike."""
     law = {"restitution": 0.7, "friction": SMOOTH}
     slot = jp.GrooveClearance(points=[(-0.1, 0.0), (0.1, 0.0)], wall_clearance=2e-4, **law)
     guide = jp.PrismaticClearance(
@@ -198,7 +199,7 @@ def cam_and_follower(**fields):
 
 
 def test_follower_of_an_eccentric_cam_goes_as_the_closed_form_says():
-    """y = e sin(a) + sqrt(rho^2 - (e cos(a))^2), rho the radii of disc and roller together."""
+    """y = e sin(a) + sqrt(rho^2 - (e cos(a))^2); rho is the sum of both radii."""
     robot, speed = cam_and_follower(friction=SMOOTH), 4.0 * np.pi
     motion = jp.Motion(["O"], [0, 0.5], [[0], [0.5 * speed]], "constant-speed")
     result = jp.simulate(
@@ -210,7 +211,7 @@ def test_follower_of_an_eccentric_cam_goes_as_the_closed_form_says():
     rho, e = 0.035 - PLAY, 0.01
     root = np.sqrt(rho**2 - (e * np.cos(angle)) ** 2)
     assert np.abs(lift - e * np.sin(angle) - root).max() < 1e-6
-    # Force along the stem: what the follower's weight and inertia ask for.
+    # The force along the stem balances the follower's weight and inertia.
     first = e * np.cos(angle) + e**2 * np.sin(angle) * np.cos(angle) / root
     second = np.gradient(first, angle) * speed**2
     force = result["joint_force"].values[:, 0]
@@ -267,7 +268,7 @@ def test_curve_that_comes_back_beside_itself_needs_a_wall_between():
 
 
 def test_outside_of_a_disc_smaller_than_the_roller_is_a_cam_all_the_same():
-    """Only the wall that is there must have room: the disc is 1 mm, its roller 5 mm."""
+    """A disc of 1 mm and a roller of 5 mm: only the wall that exists needs room."""
     ring = circle(6e-3)
     cam = jp.GrooveClearance(points=ring, closed=True, walls="left", wall_clearance=1e-4)
     disc = 6e-3 - 5e-3 - 1e-4
@@ -286,7 +287,7 @@ def test_budget_of_a_cam_is_its_clearance_over_the_cosine_of_the_pressure_angle(
 
 
 def test_computed_torque_turns_a_cam_as_its_follower_demands():
-    """At constant speed its torque is the follower's power over the cam's speed."""
+    """At constant speed the torque is the follower's power over the cam's speed."""
     robot, speed = cam_and_follower(friction=SMOOTH), 4.0 * np.pi
     motion = jp.Motion(["O"], [0, 0.2], [[0.3], [0.3 + 0.2 * speed]], "constant-speed")
     run = jp.simulate(robot, motion, step=1e-5, joint_friction={}, estimate=False)

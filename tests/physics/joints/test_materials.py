@@ -59,7 +59,7 @@ def test_a_viscosity_grade_is_its_own_definition():
         found = oil(f"iso-vg-{grade}")
         assert found.kinematic_viscosity(40.0) == pytest.approx(grade * 1e-6)
         assert found.viscosity(40.0) == pytest.approx(grade * 1e-6 * 870.0)
-    # A grade is half as viscous again as the one below it, within what the rounding leaves.
+    # Each grade is half as viscous again as the one below it, but for rounding.
     nu = [oil(name).kinematic_40 for name in oils()]
     assert all(1.4 < high / low < 1.56 for low, high in itertools.pairwise(nu))
 

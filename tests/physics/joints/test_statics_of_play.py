@@ -1,4 +1,4 @@
-"""What a load can reach within a joint's play."""
+"""The support function of a joint's play, and the contacts that balance a load."""
 
 import numpy as np
 import pytest
@@ -33,7 +33,7 @@ def twist(centre, axis):
 
 
 def feasible(joint, random, toward=(0.0,) * 5):
-    """A random pose of the journal, as far out as the gaps allow; `toward` is what its way adds."""
+    """A random pose, as far out as the gaps allow; `toward` is added to its random direction."""
     way = random.normal(size=5) + toward
     low, high = 0.0, 0.02
     for _ in range(40):
@@ -210,13 +210,13 @@ def test_contacts_at_rest_balance_the_load(name):
     left = pushes + np.einsum("nk,nkd->nd", found.force, found.normal)
     size = np.linalg.norm(pushes * [1, 1, 1, 30, 30, 30], axis=1)
     if name in ("long in the bore", "held by its walls"):
-        # A face that lies on its wall bears moments anywhere on it.
+        # A face that lies flat on its wall bears moments, too.
         left[np.abs(point[:, 3:5]).max(axis=1) < 1e-9, 3:5] = 0.0
     assert (
         np.abs(left[:, borne] * np.array([1, 1, 1, 30, 30, 30])[borne]).max(1) < 1e-4 * size
     ).all()
     assert (found.force >= 0.0).all()
-    # Friction acts across the normal, with arms no longer than the journal.
+    # Friction acts across the normal, its arms no longer than the journal.
     forces = found.across[..., :3]
     assert np.allclose(np.einsum("nkid,nkd->nki", forces, found.normal[..., :3]), 0.0)
     touching = found.force > 0.0

@@ -1,4 +1,4 @@
-"""Kinds of joint with clearance, one module each; `base` says what a kind must say."""
+"""Kinds of joint with clearance, one module each; `base` has what each kind must define."""
 
 from __future__ import annotations
 
@@ -43,16 +43,16 @@ JOINT_KINDS: dict[str, type[Clearance]] = {
         *(CompliantJoint, CompliantSlider, CompliantMount),
     )
 }
-
+"""The kinds of joint by the word that selects them."""
 
 UNNAMED_KIND: type[Clearance] = RevoluteClearance
-"""What a joint is of which nothing is said."""
+"""Kind of a joint that names none."""
 
 JOINT_WORDS: dict[str, type[Clearance] | Preset] = {
     **JOINT_KINDS,
     "planar": Preset(RevoluteClearance, "PlanarJoint", {"lock_tilt": True, "lock_axial": True}),
 }
-"""Words that scenarios have for kinds of joint."""
+"""Words for kinds of joint in scenarios."""
 
 register(
     Clearance, Family("kind", "kind of joint", JOINT_WORDS, default=UNNAMED_KIND.kind, bare=False)
@@ -61,7 +61,7 @@ register_names(Material, materials.material, lambda: materials.materials(aliases
 
 
 def class_of(description: Mapping[str, Any]) -> type[Clearance]:
-    """Class of the joint that `Clearance.describe` described."""
+    """Class of the joint with this description by `Clearance.describe`."""
     kind = JOINT_WORDS[description.get("kind", UNNAMED_KIND.kind)]
     return kind.kind if isinstance(kind, Preset) else kind
 

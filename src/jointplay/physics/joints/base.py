@@ -1,9 +1,9 @@
-"""What a joint with clearance is, and what a kind of joint must say.
+"""The base classes of joints with clearance, and what each kind of joint must define.
 
-A kind says what it is: how journal and bearing touch (`Clearance.touch`, `contacts`,
-`contact_properties`), what it leaves free without clearance (`ideal_freedoms`), and its `outline`.
-Where the journal may start, what URDFs, pictures, budgets and the assembly of loops need follows
-from these.
+A kind defines how journal and bearing touch (`SlidingClearance.touch`, `contacts`,
+`contact_properties`), the freedoms that it has without clearance (`ideal_freedoms`), and its
+`outline`. All else follows from these: where the journal may start, and what URDFs, pictures,
+budgets and the assembly of loops need.
 """
 
 from __future__ import annotations
@@ -45,27 +45,27 @@ from jointplay.physics.joints.play import Play, play_within
 VIRTUAL_LINK = ("x", "y", "z", "yaw", "pitch", "roll")
 """The six coordinates of a clearance joint, in their order in q."""
 RELATIVE = ("x", "y", "z", "roll", "pitch", "yaw")
-"""The same in the order of a twist: velocity, then angular velocity."""
+"""The six coordinates in the order of a twist: velocity, then angular velocity."""
 MOTOR = "motor"
-"""What the coordinate of a geared joint's motor is called."""
+"""Name of the coordinate of a geared joint's motor."""
 SAMPLES = 72
 """Azimuths at which contact directions are sampled."""
 _ROUNDING_M = 1e-12
-"""By which a clearance may be beyond its limits."""
+"""Distance by which a clearance may be outside its limits, as rounding [m]."""
 _ON_A_SPHERE = 200
-"""Directions at which those of a ball are sampled."""
+"""Contact directions sampled on a ball."""
 
 
 class Coordinate(str):
-    """Name of a coordinate, ``joint`` or ``joint.part``: it knows its parts.
+    """Name of a coordinate, ``joint`` or ``joint.part``, which keeps both parts.
 
-    The name of a joint may have dots of its own, so that nobody can tell the two from the text.
+    The name of a joint may itself have dots, so the two cannot be told from the text.
     """
 
     joint: str
-    """Whose it is."""
+    """Joint to which the coordinate belongs."""
     part: str
-    """One of `VIRTUAL_LINK`, or `MOTOR`; empty for a joint's only one."""
+    """One of `VIRTUAL_LINK`, or `MOTOR`; empty for a joint's only coordinate."""
 
     def __new__(cls, joint: str, part: str = "") -> Coordinate:
         self = super().__new__(cls, f"{joint}.{part}" if part else joint)
@@ -77,7 +77,7 @@ class Coordinate(str):
 
     @property
     def length(self) -> bool:
-        """Whether it is a part that is measured in metres."""
+        """Whether it is a part measured in metres."""
         return self.part in VIRTUAL_LINK[:3]
 
 
@@ -96,13 +96,13 @@ class Material(Described):
     poisson: Quantity = quantity("", default=0.3, label="Poisson's ratio")
     """Poisson's ratio nu."""
     density: OptionalQuantity = quantity("kg/m^3", default=None, above=0.0)
-    """rho [kg/m^3]; None leaves the speed of impacts unchecked."""
+    """Density rho [kg/m^3]; None leaves the speed of impacts unchecked."""
     yield_strength: OptionalQuantity = quantity(
         "Pa", default=None, above=0.0, label="yield strength"
     )
     """Yield strength [Pa]; None leaves the pressure of contacts unchecked."""
     name: str | None = None
-    """What the material is called."""
+    """Name of the material."""
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -113,7 +113,7 @@ class Material(Described):
 
     @property
     def compliance(self) -> float:
-        """sigma = (1 - nu^2) / (pi E) of eq. 12 [1/Pa]."""
+        """Compliance sigma = (1 - nu^2) / (pi E) of eq. 12 [1/Pa]."""
         return (1.0 - self.poisson**2) / (math.pi * self.young)
 
     @property
@@ -123,20 +123,20 @@ class Material(Described):
 
 
 PLASTIC = 0.01
-"""Restitution that stands for 0, with which hysteresis factors would be infinite: what strikes
-springs back with a hundredth of its speed, loses 99.99 % of its energy, and stays.
+"""Restitution used for 0, with which hysteresis factors would be infinite: a body that strikes
+rebounds with a hundredth of its speed, loses 99.99 % of its energy, and stays.
 
-Measured on a slider-crank: less changes no motion, and makes forces at first touch, which grow as
-the factor does, and steps absurd (63 kN instead of 23 kN at 0.001).
+Measured on a slider-crank: a smaller one changes no motion, but makes steps and the forces at first
+touch, which grow with the factor, absurd (63 kN instead of 23 kN at 0.001).
 """
 
 PAPER_STEEL = Material()
-"""Of the paper's Table 3."""
+"""Steel of the paper's Table 3."""
 
 
 @dataclass(frozen=True)
 class Outline:
-    """A journal with room around it, all along the bearing's axes."""
+    """Size of a journal and the room around it, along the bearing's axes."""
 
     form: Literal["cylinder", "ball", "block"]
     size: tuple[float, float, float]
@@ -149,45 +149,48 @@ class Outline:
     """Depth of wear of a bore at equal azimuths from the x axis, at ends A and B (or one) [m]."""
 
 
-# What only some kinds can do is a property of `Clearance`, None for the others: whoever needs it
-# asks for it, and for no kind of joint by name.
+# Abilities that only some kinds have are properties of `Clearance`, None for the others: code that
+# needs one asks for it, and never for a kind of joint by name.
 
 
 @dataclass(frozen=True)
 class Hinge:
-    """A journal that turns about the bearing's z, as whoever puts a hinge in its place needs it."""
+    """A journal that turns about the bearing's z, as needed to put a hinge in its place."""
 
     radius: float
-    """Of the journal, at which friction about the axis acts [m]."""
+    """Radius of the journal, at which friction about the axis acts [m]."""
     length: float
-    """Of the journal [m]."""
+    """Length of the journal [m]."""
     tilts: bool
     """Whether it can tilt; it then touches at both ends."""
     lateral: float
-    """How far it can be aside, either way [m]."""
+    """Lateral travel, to either side [m]."""
     axial: float
-    """How far it can go along the axis, either way [m]; zero where it cannot or nothing ends it."""
+    """Axial travel, to either side [m]; zero where it is locked or unlimited."""
 
 
 WEARING_PARTS = "bore", "journal"
-"""In this order wherever wear is by part."""
+"""The parts that wear, in the order of all numbers by part."""
 
 
 @dataclass(frozen=True)
 class Wear:
-    """How a bore and its journal wear, by contact from the first on: one for the whole journal, or
-    one an end."""
+    """Wear of a bore and its journal, by contact: one for the whole journal, or one at each end.
+
+    The contacts are the first ones of the joint.
+    """
 
     rates: tuple[float, float]
-    """Specific wear rates K/H of bore and journal; zero: it does not wear [m^3/(N m)]."""
+    """Specific wear rates K/H of bore and journal; zero: no wear [m^3/(N m)]."""
     radius: float
-    """Of the bore [m]."""
+    """Radius of the bore [m]."""
     journal_radius: float
-    """[m]."""
+    """Radius of the journal [m]."""
     widths: tuple[float, ...]
     """Length that each contact wears [m]."""
     profile: np.ndarray | None
-    """Depth of the bore so far by contact, at equal azimuths from its x axis, (contacts, n) [m]."""
+    """Depth worn off the bore so far by contact, at equal azimuths from its x axis, (contacts, n)
+    [m]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -201,24 +204,22 @@ class Clearance(Described, ABC):
     selector = ("kind", "kind")
 
     kind: ClassVar[str]
-    """The one word that selects the kind of joint."""
+    """The word that selects the kind of joint."""
     replaces: ClassVar[tuple[str, ...]]
     """Types of URDF joint that this kind can take the place of."""
     ideal_freedoms: ClassVar[tuple[str, ...]]
-    """Those of `VIRTUAL_LINK` that the joint has without clearance."""
+    """The coordinates of `VIRTUAL_LINK` that are free without clearance."""
     runs_ideal: ClassVar[bool] = True
     """Whether a mechanism that has it without clearance can be simulated."""
     clearance_fields: ClassVar[Mapping[str, str | None]]
-    """Fields that are clearances, first that across x; what the journal measures instead of each.
-
-    None where no dimension of the journal can be given instead.
-    """
+    """Fields that are clearances, first the one across x, and for each the field of the journal's
+    dimension that can be given instead, None without one."""
     exchanged: bool = False
     """The parent link carries the journal and the child link the bearing (Figure 1b)."""
     ideal: bool = False
     """Without clearance, to compare."""
 
-    if TYPE_CHECKING:  # a field of one kind, derived by another
+    if TYPE_CHECKING:  # a field of some kinds, a property of others
 
         @property
         def normal(self) -> NormalForceLaw:
@@ -231,17 +232,17 @@ class Clearance(Described, ABC):
     def __post_init__(self) -> None:
         check_fields(self)
 
-    # What a kind must say.
+    # Each kind must define these.
 
     @property
     @abstractmethod
     def shape(self) -> int:
-        """How the gaps are found: a `geometry.Shape`, or the address of a compiled `touch`."""
+        """The way to find gaps: a `geometry.Shape`, or the address of a compiled `touch`."""
 
     @property
     @abstractmethod
     def dimensions(self) -> tuple[float, ...]:
-        """The numbers that `geometry.touch` needs for this shape."""
+        """The numbers that `geometry.touch` takes for this shape."""
 
     @property
     @abstractmethod
@@ -250,30 +251,30 @@ class Clearance(Described, ABC):
 
     @abstractmethod
     def contact_properties(self, contact: int) -> ContactProperties:
-        """What a normal-force law needs to know of the contact with this index."""
+        """The properties that a normal-force law takes, of the contact with this index."""
 
     @property
     @abstractmethod
     def outline(self) -> Outline:
         """Form and size of the journal, and the room around it."""
 
-    # What follows from it, and can be said otherwise.
+    # These follow from them; a kind may override them.
 
     @property
     def freedoms(self) -> tuple[str, ...]:
-        """Those of `VIRTUAL_LINK` that are free; the others are locked."""
+        """The coordinates of `VIRTUAL_LINK` that are free; the others are locked."""
         return VIRTUAL_LINK
 
     @property
     def drive_coordinate(self) -> str | None:
-        """That of `freedoms` which is the ideal joint's own; None if that has none."""
+        """The coordinate in which a drive moves the ideal joint; None if it has no freedom."""
         if not self.ideal_freedoms:
             return None
         return "yaw" if "yaw" in self.ideal_freedoms else self.ideal_freedoms[0]
 
     @property
     def clearances(self) -> dict[str, float]:
-        """Its clearances by the names of their fields [m]."""
+        """The clearances by the names of their fields [m]."""
         return {name: getattr(self, name) for name in self.clearance_fields}
 
     @property
@@ -283,17 +284,17 @@ class Clearance(Described, ABC):
 
     @property
     def search_radius(self) -> float:
-        """A length on which the journal's place of rest is searched, never zero [m]."""
+        """Length scale of the search for the journal's position of rest, never zero [m]."""
         return self.radial_travel
 
     @property
     def resultant(self) -> tuple[float, ...] | None:
-        """Numbers of its rolling elements or springs; None where surfaces slide (`law`)."""
+        """Parameters of `law` for rolling elements or springs; None where surfaces slide."""
         return None
 
     @property
     def law(self) -> int:
-        """Which law of `contact.resultant` goes by the numbers of `resultant`."""
+        """The law of `contact.resultant` that takes the parameters `resultant`."""
         return resultant.ELEMENTS
 
     @property
@@ -308,11 +309,11 @@ class Clearance(Described, ABC):
 
     @property
     def fitted(self) -> Fit | None:
-        """The fit that gives the joint's clearance its limits; None for one of a known size."""
+        """The fit that limits the joint's clearance; None for a clearance of known size."""
         return None
 
     def at_clearance(self, size: float) -> Self:
-        """The joint with another clearance of those that its fit allows [m]; that along stays."""
+        """The joint with another clearance that its fit allows [m]; that along the axis stays."""
         return self.with_clearances({next(iter(self.clearance_fields)): size})
 
     def with_fit(self, fit: Fit) -> Self:
@@ -323,46 +324,46 @@ class Clearance(Described, ABC):
 
     @property
     def contact_clearances(self) -> tuple[float, ...]:
-        """Clearance that belongs to each contact [m]."""
+        """Clearance of each contact [m]."""
         return (self.radial_travel,) * len(self.contacts)
 
     @property
     def summary(self) -> str:
-        """Kind and clearance, for a line of text."""
+        """Kind and clearance in words."""
         return f"{self.kind}, {readable(self.radial_travel, 'm')}{self._limits}"
 
     @property
     def _limits(self) -> str:
-        """A fit and its limits, to add to its clearance in a line of text."""
+        """A fit and its limits in words, to follow its clearance."""
         return "" if self.fitted is None else f" ({self.fitted}: {self.fitted.range})"
 
     @property
     def play_words(self) -> str:
-        """Its clearances without names, for a line of text."""
+        """The clearances in words, without their names."""
         return " and ".join(readable(c, "m") for c in sorted(set(self.clearances.values())))
 
     @property
     def half_width(self) -> float:
-        """Half of what the journal measures across y, or the bearing's radius [m]."""
+        """Half the journal's size across y, or the bearing's radius [m]."""
         return self.outline.size[1]
 
     @property
     def depth_limit(self) -> float:
         """Penetration at which the journal has broken out of its bearing [m].
 
-        A tenth of the journal's half width: far beyond what any contact law means.
+        A tenth of the journal's half width: far beyond the validity of any contact law.
         """
         return 0.1 * min(self.outline.size[:2])
 
     @property
     def start_travels(self) -> dict[str, float]:
-        """How far the journal's centre can be from the bearing's, by translation [m]."""
+        """Largest distance of the journal's centre from the bearing's, by translation [m]."""
         rooms = zip(VIRTUAL_LINK[:3], self.outline.room, strict=True)
         return {part: room for part, room in rooms if part in self.freedoms}
 
     @property
     def travel(self) -> dict[str, float]:
-        """How far the freedoms but the drive's go within the clearance, either way [m or rad]."""
+        """Travel of the freedoms but the drive's in the clearance, to either side [m or rad]."""
         (wide, high, long), (x, y, z) = self.outline.size, self.outline.room
         turns = {"yaw": min(y / wide, x / high), "pitch": x / long, "roll": y / long}
         return {"x": x, "y": y, "z": z} | turns
@@ -374,7 +375,7 @@ class Clearance(Described, ABC):
     def directions(self) -> np.ndarray:
         """Unit contact forces and their moments about the journal's centre, shape (n, 6).
 
-        In bearing axes, for a centred journal; a sample of all that is possible.
+        A sample of all that are possible, in bearing axes, for a centred journal.
         """
         outline, zero = self.outline, np.zeros(SAMPLES)
         if outline.form == "ball":
@@ -395,19 +396,21 @@ class Clearance(Described, ABC):
         return np.concatenate(parts)
 
     def arm(self, centre: np.ndarray) -> float:
-        """Farthest point at which a journal with its centre here can touch, from it [m]."""
+        """Distance from a journal's centre, (3,), to the farthest point where it can touch [m]."""
         return float(np.linalg.norm(self.outline.size))
 
     @property
     def engaged_within(self) -> float:
-        """How far along its axis a journal may be with any of it in its bearing [m]; else inf."""
+        """Axial displacement at which a journal has left its bearing [m]; inf if it cannot."""
         return math.inf
 
     def fits(self, offset: np.ndarray, lean: float, least: float) -> bool:
-        """Whether a journal so displaced touches nothing, to be on the safe side.
+        """Whether a displaced journal certainly touches nothing.
 
-        Its centre by `offset` (3,) [m] from where it would be without clearance, its farthest point
-        by `lean` [m]; `least` room is granted in any case, for rounding [m].
+        Args:
+            offset: displacement of its centre from where it would be without clearance, (3,) [m].
+            lean: displacement of its farthest point by leaning [m].
+            least: room that is granted in any case, for rounding [m].
         """
         form = self.outline.form
         if form == "ball":
@@ -421,8 +424,8 @@ class Clearance(Described, ABC):
     def ideal_part(self, rotation: np.ndarray, centre: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The pose nearest to a given one that the journal could have without clearance.
 
-        Rotation (3, 3) and centre (3,) [m] in the bearing frame, both ways. Along the axis, what
-        nothing limits stays as it is; planar play has nothing there.
+        Both are a rotation (3, 3) and a centre (3,) [m] in the bearing frame. A position along the
+        axis stays as it is if nothing limits it.
         """
         outline = self.outline
         open_along = outline.form == "cylinder" and not outline.walls
@@ -438,37 +441,37 @@ class Clearance(Described, ABC):
         return swing.toRotationMatrix().T @ rotation, place
 
     def guided_at(self, centre: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
-        """Axes (3, 3) and place (3,) [m] in the bearing frame at which the journal is closest to
-        what it would do without clearance, x along the curve that guides it; None: no curve does.
+        """The point of the guiding curve that is nearest to a journal's centre (3,) [m].
 
-        centre: of the journal in the bearing frame, (3,) [m].
+        Axes (3, 3), x along the curve, and position (3,) [m], all in the bearing frame; None where
+        no curve guides the journal.
         """
         return None
 
     @property
     def film(self) -> tuple[FilmLaw, FilmProperties] | None:
-        """Film law and what it needs to know of the joint; None for a dry one."""
+        """Film law and the joint's properties for it; None for a dry joint."""
         return None
 
     @property
     def hinge(self) -> Hinge | None:
-        """What a hinge in this joint's place is to know of it; None: no hinge can stand for it."""
+        """The hinge that can stand for this joint; None: none can."""
         return None
 
     @property
     def wear(self) -> Wear | None:
-        """How it wears; None: wear is not computed."""
+        """Wear of the joint; None: it is not computed."""
         return None
 
     def with_worn(self, profile: np.ndarray) -> Self:
-        """The joint with a bore worn so, of a kind that can wear; see `Wear`."""
+        """The joint with a bore worn to this `Wear.profile`, of a kind that can wear."""
         raise JointplayError(f"the bearing of a {self.kind} joint cannot be worn")
 
     def with_friction(self, law: FrictionLaw) -> Self:
-        """The joint with another law of friction, of a kind that has one; else as it is."""
+        """The joint with another law of friction; unchanged if its kind has none."""
         return self
 
-    # What holds for all kinds.
+    # These hold for all kinds.
 
     def with_clearances(self, sizes: Mapping[str, float]) -> Self:
         """The joint with other clearances [m], by their fields' names, in the same bearing."""
@@ -479,7 +482,7 @@ class Clearance(Described, ABC):
         return replace(self, **changes)
 
     def scaled(self, factor: float) -> Self:
-        """The joint with all its clearances multiplied, in the same bearing."""
+        """The joint with all its clearances multiplied by a factor, in the same bearing."""
         factor = require_non_negative("factor", factor, "")
         return self.with_clearances({name: factor * c for name, c in self.clearances.items()})
 
@@ -506,9 +509,9 @@ class Clearance(Described, ABC):
 
 @dataclass(frozen=True, kw_only=True)
 class WholeLawJoint(Clearance):
-    """A joint for which one law answers as a whole: rolling elements, springs, or both.
+    """A joint whose whole wrench comes from one law: of rolling elements, springs, or both.
 
-    A kind must say, besides, `resultant` and `law`.
+    A kind must also define `resultant` and `law`.
     """
 
     @property
@@ -522,7 +525,7 @@ class WholeLawJoint(Clearance):
 
     @property
     def friction(self) -> FrictionLaw:
-        """None where anything touches: what the law loses, it says itself."""
+        """No friction law: the whole law includes its own losses."""
         return resultant.NoFriction()
 
 
@@ -530,26 +533,26 @@ class WholeLawJoint(Clearance):
 class SlidingClearance(Clearance):
     """A joint whose surfaces hit and slide on each other: a plain bearing, a socket or a guide.
 
-    One with a clearance of 0 is `ideal`: the first of `clearance_fields` decides.
+    It is `ideal` if the first of its `clearance_fields` is 0.
 
     Raises:
         JointplayError: a value that is missing, not positive, contradictory or impossible.
     """
 
     touch: ClassVar[Callable[..., Any]]
-    """Gap, place and normal of contact k as `geometry.touch` returns them; it is compiled.
+    """Gap, position and normal of contact k, as `geometry.touch` returns them; it is compiled.
 
-    ``touch(k, pose, ...)``: index of the contact and pose of the journal (`geometry.contacts`), and
-    then dimensions of the joint by the names of its attributes.
+    ``touch(k, pose, ...)`` takes the index of the contact, the pose of the journal
+    (`geometry.contacts`), and then dimensions of the joint by the names of its attributes.
     """
     fit_size: ClassVar[tuple[str, float] | None] = None
-    """Field of the size that a fit is of, and how large it is of a nominal size of 1; None: ISO 286
-    has no fits of such a joint."""
+    """Field of the dimension to which a fit belongs, and its ratio to the fit's nominal size; None:
+    ISO 286 has no fits of such a joint."""
 
     fit: str | None = None
     """Nominal size in mm and classes of hole and shaft by ISO 286-1, such as ``"20H7/g6"``, instead
-    of the clearance: the middle of its range, unless another within it is given. A size that is
-    the usual one counts as not given.
+    of the clearance, which is then the middle of the fit's range unless another within it is given.
+    The dimension need not be given; its default counts as not given.
     """
 
     bearing_material: Material = PAPER_STEEL
@@ -564,14 +567,15 @@ class SlidingClearance(Clearance):
     its own stiffness does not use it.
     """
     seat: Elasticity | None = None
-    """How the bearing gives way in what carries it, in series with its play; None: not at all.
+    """Elasticity of the bearing's seat in the part that carries it, in series with its play; None:
+    rigid.
 
-    Where surfaces slide, its bush is then a body of its own between the two, held by a
-    `CompliantMount`. An ideal joint gives way nowhere. Seats of rolling bearings have no `torsion`.
+    Where surfaces slide, the bush is then a body of its own between the two, held by a
+    `CompliantMount`. An ideal joint is rigid. Seats of rolling bearings have no `torsion`.
     """
     seat_mass: OptionalQuantity = quantity("kg", default=None, above=0.0, label="mass of the bush")
-    """Of the bush in its seat [kg]; None takes a steel one as long as the bearing, its wall half as
-    thick as its bore's half width (`compliance.parts_of_seat`).
+    """Mass of the bush in its seat [kg]; None: that of a steel one as long as the bearing, its wall
+    half as thick as its bore's half width (`compliance.parts_of_seat`).
     """
 
     def __post_init__(self) -> None:
@@ -602,7 +606,7 @@ class SlidingClearance(Clearance):
             self._require_plastic()
 
     def _require_plastic(self) -> None:
-        """Refuse a restitution of 0 of a law whose impacts spring back all the same."""
+        """Refuse a restitution of 0 for a law whose impacts rebound all the same."""
         least = self.normal.effective_restitution(PLASTIC)
         if least is None or least > 2.0 * PLASTIC:
             whose = f"law {self.normal.name!r} has no plastic impact"
@@ -618,7 +622,7 @@ class SlidingClearance(Clearance):
         return None if self.fit is None else Fit(self.fit)
 
     def _take_fit(self) -> None:
-        """Size and clearance of the fit, in place; refuse others that contradict it."""
+        """Set size and clearance from the fit; refuse given ones that contradict it."""
         if self.fit_size is None:
             raise JointplayError(
                 f"a {self.kind} joint has no fit: ISO 286 is for round holes and parallel faces; "
@@ -657,17 +661,17 @@ class SlidingClearance(Clearance):
 
     @property
     def combined_compliance(self) -> float:
-        """sigma_i + sigma_j of eq. 11 [1/Pa]."""
+        """Sum of both bodies' compliances, sigma_i + sigma_j of eq. 11 [1/Pa]."""
         return self.bearing_material.compliance + self.journal_material.compliance
 
     def hertz(self, radius: float) -> float:
-        """The given `stiffness`, or that of eq. 11 for an effective radius R [m], in N/m^1.5."""
+        """The given `stiffness`, or Hertz's (eq. 11) for an effective radius [m], in N/m^1.5."""
         if self.stiffness is not None:
             return self.stiffness
         return 4.0 / (3.0 * math.pi * self.combined_compliance) * math.sqrt(radius)
 
     def contact(self, stiffness: float, **geometry: float) -> ContactProperties:
-        """Properties of a contact of the joint's materials, with Hertz's k of eq. 11 [N/m^1.5]."""
+        """Properties of a contact of the joint's materials with this Hertz stiffness [N/m^1.5]."""
         materials = self.bearing_material, self.journal_material
         strengths = [m.yield_strength for m in materials if m.yield_strength is not None]
         return ContactProperties(
@@ -680,7 +684,7 @@ class SlidingClearance(Clearance):
         )
 
     def refuse_line_contact(self) -> None:
-        """Raise if the normal-force law is one for lines, which this joint's contacts are not."""
+        """Raise if the normal-force law is for line contacts, which this joint does not have."""
         if self.normal.line:
             raise JointplayError(
                 f"law {self.normal.name!r} is for a cylinder in a bore, which a {self.kind} joint "
@@ -692,17 +696,19 @@ class SlidingClearance(Clearance):
 def complete(
     play: float | None, outer: float, inner: float | None, factor: float, names: tuple[str, str]
 ) -> tuple[float, float]:
-    """Derive clearance from dimensions or dimensions from clearance: outer - inner = factor play.
+    """Derive the clearance from the dimensions, or the journal's dimension from the clearance.
+
+    They are related by outer - inner = factor play.
 
     Args:
         play: clearance [m], or None.
         outer: dimension of the bearing [m].
         inner: dimension of the journal [m], or None.
-        factor: clearances between outer and inner.
-        names: of the clearance and of the dimension, for errors.
+        factor: number of clearances between outer and inner.
+        names: names of the clearance and of the dimension, for errors.
 
     Returns:
-        play and inner [m].
+        The clearance and the journal's dimension [m].
 
     Raises:
         JointplayError: neither given, values that contradict each other, a negative clearance, or
@@ -754,11 +760,11 @@ class RoundClearance(SlidingClearance):
     fit_size: ClassVar[tuple[str, float] | None] = ("bearing_radius", 0.5)
 
     bearing_radius: Quantity = quantity("m", default=10e-3, above=0.0, label="bearing radius")
-    """R_i [m]; 10 mm is usual in the literature on clearance."""
+    """Bearing radius R_i [m]; 10 mm is usual in the literature on clearance."""
     radial_clearance: Quantity = quantity("m", default=None, label="radial clearance")
-    """C_r, radial, not diametral [m]; 0: an ideal joint. One of it and R_j is given."""
+    """Radial (not diametral) clearance C_r [m]; 0: an ideal joint. Give C_r or R_j."""
     journal_radius: Quantity = quantity("m", default=None, label="journal radius")
-    """R_j [m]."""
+    """Journal radius R_j [m]."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -788,14 +794,14 @@ class RoundClearance(SlidingClearance):
 
     @property
     def hertz_stiffness(self) -> float:
-        """k of eqs 11-13, or the given `stiffness` [N/m^1.5]."""
+        """Hertz stiffness k of eqs 11-13, or the given `stiffness` [N/m^1.5]."""
         return self.hertz(self.ri * self.rj / self.cr)
 
     def contact_properties(self, contact: int) -> ContactProperties:
         return self.round_contact()
 
     def round_contact(self, stiffness: float | None = None, **lengths: float) -> ContactProperties:
-        """Properties of a contact of the journal in its bearing, by default of the joint's k."""
+        """Properties of the journal's contact with its bearing, by default with the joint's k."""
         return self.contact(
             stiffness or self.hertz_stiffness,
             bearing_radius=self.ri,

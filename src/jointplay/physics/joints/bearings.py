@@ -1,13 +1,15 @@
 """Rolling bearings as joints: deep-groove and angular contact ball bearings, crossed rollers.
 
-By a catalogue's designation, by boundary dimensions, or by the inner geometry in full:
+A bearing is given by a catalogue's designation, by boundary dimensions, or by its whole inner
+geometry:
 
     jp.BallBearing(designation="6010/C3")
     jp.BallBearing(designation="7206 B", arrangement="DB", preload=120.0)
     jp.CrossedRollerBearing(designation="RB5013", clearance_class="C0")
 
-What is not given is estimated from what is; `estimates` says what, and how. The law itself is in
-`contact.rolling`, numbers and their origins in ``data/bearings.toml``.
+Numbers that are not given are estimated from those that are; `estimates` lists them and how they
+were found. The law of its elements is in `contact.rolling`, the catalogue and the origins of its
+numbers in ``data/bearings.toml``.
 """
 
 from __future__ import annotations
@@ -39,19 +41,21 @@ from jointplay.physics.joints.play import Play
 ARRANGEMENTS = ("single", "DB", "DF", "DT")
 """One row, or a pair: back to back (O), face to face (X), both the same way (tandem)."""
 CLASSES = ("C0", "C1", "C2", "C3", "C4", "CN", "CC0")
-"""Of internal clearance, of which a bearing has some."""
+"""Classes of internal clearance; each kind and size of bearing has some of them."""
 AS_GIVEN, PRELOADED = "as given", "preloaded"
-"""What an angular contact bearing can be instead of a class."""
+"""The choices for angular contact bearings, which have no classes of clearance."""
 _SHIELDS = re.compile(r"[- ]?(2?ZZ?|2?RS[HLR12]?|DDU?|LLU)$")
-"""What makers append for shields and seals, which change nothing here."""
+"""Makers' suffixes for shields and seals, which change nothing here."""
 BALL_SHARE = 0.2945
-"""Ball diameter over outside less bore, the mean of seven catalogue bearings (0.291 to 0.298)."""
+"""Ball diameter over the difference of outside diameter and bore: the mean of seven catalogue
+bearings (0.291 to 0.298)."""
 FILLING = 0.58
-"""Part of the pitch circle that balls fill, the same seven (0.56 to 0.60)."""
+"""Part of the pitch circle that balls fill, of the same seven bearings (0.56 to 0.60)."""
 ANGULAR_FILLING = 0.85
-"""The same of angular contact bearings with machined cages, from memory of a 7206's 13 balls."""
+"""Part of the pitch circle that balls fill in angular contact bearings with machined cages, from
+memory of a 7206's 13 balls."""
 STATIC_FACTOR = 15.0
-"""f_0 of C_0 = f_0 Z D^2 [N/mm^2], of the same seven 13 to 16."""
+"""f_0 of the static rating C_0 = f_0 Z D^2 [N/mm^2]; of the same seven bearings 13 to 16."""
 ROLLER_FILLING, ROLLER_LENGTH, ROLLER_STATIC = 0.75, 0.9, 44.0
 """Crossed rollers: part of the pitch circle filled, length over diameter, factor of ISO 76."""
 EXPANSION = 0.012e-3
@@ -63,11 +67,11 @@ BALL_FRICTION, ROLLER_FRICTION = 0.0015, 0.003
 STIFFNESS_DAMPING_S = 1e-5
 """Damping over stiffness of a rolling contact [s], from memory."""
 _element_play = lru_cache(maxsize=64)(ElementPlay)
-"""Equal bearings share what is found of theirs."""
+"""The play of equal bearings, which share one object and its cached results."""
 
 
 catalogue = partial(shipped_table, __file__, "bearings")
-"""What ``data/bearings.toml`` says, by section."""
+"""The content of ``data/bearings.toml``, by section."""
 
 
 def parted(designation: str, section: str) -> tuple[str, str | None]:
@@ -85,17 +89,17 @@ SECTIONS = {
     "angular_contact": "angular contact ball",
     "crossed_roller": "crossed roller",
 }
-"""Of the catalogue that have bearings, and what these are."""
+"""The catalogue's sections of bearings, and the kind of bearing in words."""
 
 _LOOKS_DESIGNATED = re.compile(
     r"\s*([A-Za-z]{1,4}[ -]?\d{2,}.*|\d{3,}(\s*|\s?[A-Z].*|[-/].*))", re.ASCII
 )
-"""Letters and digits, or three digits and more with nothing or with capitals behind them: no
-length looks like that, whose unit has small letters."""
+"""Letters and digits, or at least three digits, alone or followed by capitals: unlike any length,
+whose unit has small letters."""
 
 
 def _section_of(designation: str) -> str | None:
-    """Section of the catalogue that has it; None if none does."""
+    """The section of the catalogue that has a designation; None if none does."""
     for section in SECTIONS:
         if parted(designation, section)[0] in catalogue()[section]:
             return section
@@ -127,7 +131,7 @@ def bearing_kind(text: str) -> str | None:
 
 
 def _unknown(designation: str, sections: Iterable[str]) -> str:
-    """What to say of a designation that is not in these sections."""
+    """The message about a designation that these sections do not have, with the nearest ones."""
     names = [name for section in sections for name in catalogue()[section]]
     text = " ".join(designation.upper().split())
     begun = (name for name in names if re.match(rf"{re.escape(name)}(?!\d)", text))
@@ -153,22 +157,23 @@ def _family(name: str) -> str:
 
 
 class BearingState(NamedTuple):
-    """What a bearing does at a displacement of its inner ring; outer ring's axes."""
+    """Forces in a bearing at a displacement of its inner ring; outer ring's axes."""
 
     wrench: np.ndarray
     """Force on the inner ring and moment about its centre, shape (6,) [N, N m]."""
     energy: float
-    """Stored in all elements [J]."""
+    """Elastic energy of all elements [J]."""
     loads: np.ndarray
-    """Of each element, row by row, from the cage's azimuth on, shape (rows * Z,) [N]."""
+    """Load of each element, row by row, from the cage's azimuth on, shape (rows * Z,) [N]."""
     contact_angles: np.ndarray
-    """Of each element, likewise [rad]; of balls without load the angle of their play."""
+    """Contact angle of each element in the same order [rad]; of unloaded balls, that of their play.
+    """
     stiffness: np.ndarray
-    """Fall of the wrench per displacement and rotation, shape (6, 6) [N/m, N, N m/rad]."""
+    """Decrease of the wrench per displacement and rotation, shape (6, 6) [N/m, N, N m/rad]."""
 
     @property
     def loaded(self) -> int:
-        """How many elements bear load."""
+        """Number of elements that bear load."""
         return int(np.count_nonzero(self.loads > 0.0))
 
     @property
@@ -178,23 +183,26 @@ class BearingState(NamedTuple):
 
 
 class BearingRest(NamedTuple):
-    """Where the inner ring of a loaded bearing rests, without friction; outer ring's axes."""
+    """Position of rest of a loaded bearing's inner ring, without friction; outer ring's axes."""
 
     displacement: np.ndarray
-    """Of the centre, and rotation vector, shape (6,) [m, rad]."""
+    """Displacement of the centre, and rotation vector, shape (6,) [m, rad]."""
     compliance: np.ndarray | None
-    """Its change by force and moment, shape (6, 6) [m/N, rad/N, rad/(N m)]; none by a moment about
-    the axis. None: with this load something of it is free to move, or next to it."""
+    """Derivative of the displacement by force and moment, shape (6, 6) [m/N, rad/N, rad/(N m)],
+    zero for the moment about the axis. None: the ring is free, or nearly free, in some direction.
+    """
 
     @classmethod
     def of(cls, xi: np.ndarray, compliance: np.ndarray, stiff: bool) -> Self:
-        """From the centre and the axis' part across the outer ring's (5,), and theirs (5, 5)."""
+        """From the centre and the axis' components across the outer ring's, (5,), and their
+        compliance (5, 5).
+        """
         x, y = lean = xi[3:]
         sine = math.hypot(x, y)
         angle = math.asin(sine)
         place, soft, across = np.zeros(6), np.zeros((6, 6)), np.array([[0.0, -1.0], [1.0, 0.0]])
         longer = angle / sine if sine > 0.0 else 1.0
-        # The angle over its sine grows by a third of the sine.
+        # Derivative of angle / sine by the sine, over the sine: a third near zero.
         growing = (1.0 / math.cos(angle) - longer) / sine**2 if sine > 1e-4 else 1.0 / 3.0
         place[:3], place[3:5] = xi[:3], longer * across @ lean
         soft[:3, :5] = compliance[:3]
@@ -205,7 +213,7 @@ class BearingRest(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class RollingBearing(WholeLawJoint):
-    """What ball and crossed roller bearings have in common.
+    """A ball or crossed roller bearing: what both have in common.
 
     Raises:
         JointplayError: dimensions that are missing, not positive, contradictory or impossible; an
@@ -217,39 +225,41 @@ class RollingBearing(WholeLawJoint):
     ideal_freedoms: ClassVar[tuple[str, ...]] = ("yaw",)
     clearance_fields: ClassVar[Mapping[str, str | None]] = {"radial_clearance": None}
     section: ClassVar[str]
-    """Of the catalogue."""
+    """Section of the catalogue."""
     roller_elements: ClassVar[bool]
 
     designation: str | None = None
-    """Of a catalogue, with its class behind a stroke or a space: ``"6010/C3"``, ``"RB5013 C0"``."""
+    """Designation in a catalogue, its class of clearance after a slash or a space: ``"6010/C3"``,
+    ``"RB5013 C0"``."""
     bore: OptionalQuantity = quantity("m", default=None, above=0.0, label="bore")
     """Diameter of the shaft [m]; None takes the designation's."""
     outside_diameter: OptionalQuantity = quantity(
         "m", default=None, above=0.0, label="outside diameter"
     )
-    """[m]; None takes the designation's."""
+    """Outside diameter [m]; None takes the designation's."""
     width: OptionalQuantity = quantity("m", default=None, above=0.0, label="width")
-    """Of one row's rings [m]; None takes the designation's."""
+    """Width of one row's rings [m]; None takes the designation's."""
     clearance_class: str | None = None
     """Class of internal clearance, the middle of its range; None takes the designation's, or CN."""
     radial_clearance: OptionalQuantity = quantity("m", default=None, label="radial clearance")
     """C_r as bought, half of the full travel; negative for preload [m]. None: the class's."""
     elements: int | None = quantity("", default=None, above=0.0, label="number of elements")
-    """Z, in each row; None estimates."""
+    """Number Z of elements in each row; None estimates it."""
     element_diameter: OptionalQuantity = quantity("m", default=None, above=0.0, label="diameter")
-    """D [m]; None estimates."""
+    """Diameter D of an element [m]; None estimates it."""
     pitch_diameter: OptionalQuantity = quantity(
         "m", default=None, above=0.0, label="pitch diameter"
     )
-    """d_m, of the circle of the elements' centres [m]; None takes the mean of bore and outside."""
+    """Diameter d_m of the circle of the elements' centres [m]; None takes the mean of bore and
+    outside diameter."""
     element_stiffness: OptionalQuantity = quantity("", default=None, above=0.0)
-    """K of an element between both rings [N/m^n]; None: Hertz's of the geometry."""
+    """Stiffness K of an element between both rings [N/m^n]; None: Hertz's for the geometry."""
     shaft_interference: Quantity = quantity("m", default=0.0, least=0.0)
-    """By how much the shaft's diameter exceeds the bore [m]."""
+    """Interference of shaft and bore, in diameter [m]."""
     housing_interference: Quantity = quantity("m", default=0.0, least=0.0)
-    """By how much the outside diameter exceeds the housing's [m]."""
+    """Interference of outer ring and housing, in diameter [m]."""
     temperature_difference: Quantity = quantity("K", default=0.0)
-    """By how much the inner ring is warmer than the outer one [K]."""
+    """Temperature of the inner ring less that of the outer one [K]."""
     dynamic_rating: OptionalQuantity = quantity("N", default=None, above=0.0)
     """C, basic dynamic load rating of one row [N]; None: the catalogue's, or an estimate."""
     static_rating: OptionalQuantity = quantity("N", default=None, above=0.0)
@@ -257,22 +267,23 @@ class RollingBearing(WholeLawJoint):
     drag_torque: OptionalQuantity = quantity("N*m", default=None, least=0.0)
     """M_0, friction torque without load [N m]; None estimates it for grease."""
     rolling_friction: OptionalQuantity = quantity("", default=None, least=0.0)
-    """M_1 over half of the bore and the sum of the element loads; None: typical of the kind."""
+    """Load-dependent friction torque M_1 over half of the bore and the sum of the element loads;
+    None: typical of the kind."""
     damping_time: Quantity = quantity("s", default=STIFFNESS_DAMPING_S, least=0.0)
     """Damping over stiffness of the loaded elements [s]."""
     cage_angle: Quantity = quantity("rad", default=0.0)
     """Azimuth of the first element at the start, from the outer ring's x axis [rad]."""
     seat: Elasticity | None = None
-    """How the bearing's outer ring gives way in its seat, in series; None: not at all."""
+    """Elasticity of the outer ring's seat, in series with the bearing; None: rigid."""
     ring_material: Material = field(default_factory=lambda: material("bearing-steel"))
-    """Of rings and elements."""
+    """Material of rings and elements."""
 
-    # What a kind must say.
+    # Each kind must define these.
 
     @property
     @abstractmethod
     def row_places(self) -> tuple[tuple[float, float], ...]:
-        """Place h along the axis and y_0 of each row [m]; see `contact.rolling`."""
+        """Axial position h and y_0 of each row [m]; see `contact.rolling`."""
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -311,11 +322,11 @@ class RollingBearing(WholeLawJoint):
     _filling: ClassVar[float]
     """Part of the pitch circle that elements fill."""
     _diameter_source: ClassVar[str]
-    """What the diameter of elements is estimated from, for a line of text."""
+    """What the diameter of elements is estimated from, in words."""
 
     @property
     def estimates(self) -> dict[str, str]:
-        """What is estimated, by field: value and how."""
+        """The numbers that are estimated, by field: value and method in words."""
         entry, notes = self._entry, {}
         filled = f"{100 * self._filling:g} % of the pitch circle filled"
         if self.element_diameter is None and "ball_diameter" not in entry:
@@ -349,6 +360,7 @@ class RollingBearing(WholeLawJoint):
 
     @cached_property
     def _entry(self) -> Mapping[str, Any]:
+        """The catalogue's entry for the designation; empty without one."""
         if self.designation is None:
             return {}
         lines, name = catalogue()[self.section], self._parts[0]
@@ -360,6 +372,7 @@ class RollingBearing(WholeLawJoint):
         return entry
 
     def _dimension(self, name: str) -> float | None:
+        """A boundary dimension: given, or the catalogue's [m]."""
         size: float | None = getattr(self, name)
         if size is not None:
             return size
@@ -383,7 +396,7 @@ class RollingBearing(WholeLawJoint):
 
     @property
     def d_pitch(self) -> float:
-        """d_m [m]."""
+        """Pitch diameter d_m [m]."""
         return self._dimension("pitch_diameter") or 0.5 * (self.d_bore + self.d_outside)
 
     alpha: ClassVar[float]
@@ -391,11 +404,12 @@ class RollingBearing(WholeLawJoint):
 
     @property
     def _gamma(self) -> float:
+        """gamma = D cos(alpha) / d_m, of the standards."""
         return self.d_element * math.cos(self.alpha) / self.d_pitch
 
     @property
     def d_element(self) -> float:
-        """D [m]: given, or estimated."""
+        """Diameter D of an element: given, or estimated [m]."""
         if self.element_diameter is not None:
             return self.element_diameter
         return self._estimated_diameter
@@ -403,12 +417,12 @@ class RollingBearing(WholeLawJoint):
     @property
     @abstractmethod
     def _estimated_diameter(self) -> float:
-        """D by what else is known [m]."""
+        """Diameter D by the catalogue, or estimated from other numbers [m]."""
 
     @property
     @abstractmethod
     def count(self) -> int:
-        """Z."""
+        """Number Z of elements in each row."""
 
     @cached_property
     def class_name(self) -> str:
@@ -451,11 +465,11 @@ class RollingBearing(WholeLawJoint):
     @property
     @abstractmethod
     def _class_size(self) -> float:
-        """By which classes of clearance are chosen [m]."""
+        """The diameter by which tables list classes of clearance [m]."""
 
     @cached_property
     def bought_clearance(self) -> float:
-        """C_r before mounting [m]."""
+        """Radial clearance C_r before mounting [m]."""
         if self.radial_clearance is not None:
             return self.radial_clearance
         low, high = self.class_range()
@@ -463,10 +477,11 @@ class RollingBearing(WholeLawJoint):
 
     @cached_property
     def cr(self) -> float:
-        """C_r in operation, less what fits and heat take of it; negative for preload [m].
+        """Radial clearance C_r in operation, reduced by fits and heat; negative for preload [m].
 
-        A ring of the same steel on a solid shaft grows at its raceway by the interference times
-        bore over raceway; one in a thick housing shrinks by raceway over outside (Lame).
+        On a solid shaft of the same steel the inner raceway grows by the interference times bore
+        over raceway; in a thick housing the outer one shrinks by the interference times raceway
+        over outside diameter (Lamé).
         """
         inner, outer = self.d_pitch - self.d_element, self.d_pitch + self.d_element
         loss = self.shaft_interference * self.d_bore / inner
@@ -475,7 +490,7 @@ class RollingBearing(WholeLawJoint):
         return self.bought_clearance - 0.5 * loss
 
     def of_classes(self) -> dict[str, RollingBearing]:
-        """The same bearing in each class of clearance that there is of its size, by class."""
+        """The bearing in each class of clearance that exists for its size, by class."""
         bearings: dict[str, RollingBearing] = {}
         for name in CLASSES:
             with suppress(MissingName):
@@ -486,28 +501,28 @@ class RollingBearing(WholeLawJoint):
 
     @cached_property
     def stiffness_of_element(self) -> float:
-        """K [N/m^n]."""
+        """Stiffness K of an element between both rings [N/m^n]."""
         return self.element_stiffness or self._hertz()
 
     @abstractmethod
     def _hertz(self) -> float:
-        """K of the geometry [N/m^n]."""
+        """Hertz's stiffness K for the geometry [N/m^n]."""
 
     @property
     @abstractmethod
     def _numbers(self) -> dict[str, Any]:
-        """What `contact.resultant.bearing_numbers` asks for of the kind alone."""
+        """The arguments of `contact.resultant.bearing_numbers` that depend on the kind."""
 
     @property
     def drag(self) -> float:
-        """M_0 [N m]."""
+        """Friction torque M_0 without load [N m]."""
         if self.drag_torque is not None:
             return self.drag_torque
         return len(self.row_places) * 1e-3 * MEAN_DRAG * (1e3 * self.d_pitch) ** 3
 
     @property
     def friction_lever(self) -> float:
-        """M_1 over the sum of all element loads [m]."""
+        """Friction torque M_1 per sum of all element loads [m]."""
         typical = ROLLER_FRICTION if self.roller_elements else BALL_FRICTION
         coefficient = typical if self.rolling_friction is None else self.rolling_friction
         return coefficient * 0.5 * self.d_bore
@@ -519,7 +534,7 @@ class RollingBearing(WholeLawJoint):
 
     @property
     def cage_ratio(self) -> float:
-        """Turn of the cage over that of the inner ring."""
+        """Rotation of the cage over that of the inner ring."""
         return float(self._numbers["ratio"])
 
     @cached_property
@@ -544,15 +559,28 @@ class RollingBearing(WholeLawJoint):
     def load(
         self, displacement: Sequence[float] | np.ndarray, cage: float | None = None
     ) -> BearingState:
-        """What the bearing does at a displacement of its inner ring.
+        """Forces in the bearing at a displacement of its inner ring.
 
-        Of the centre and rotation vector, outer ring's axes, (6,) [m, rad]; `cage` is the azimuth
-        of the first element [rad], by default `cage_angle`.
+        The displacement is that of the centre and a rotation vector, outer ring's axes, (6,) [m,
+        rad]; `cage` is the azimuth of the first element [rad], by default `cage_angle`.
         """
         xi = np.asarray(displacement, float)
         if xi.shape != (6,) or not np.isfinite(xi).all():
             raise JointplayError(f"a displacement has six finite components, got {displacement!r}")
-        return self._state(xi[:3], _rotation(xi[3:]), self.cage_angle if cage is None else cage)
+        import pinocchio as pin  # not needed to check a scenario
+
+        turn = self.cage_angle if cage is None else cage
+        return self._state(xi[:3], pin.exp3(xi[3:]), turn)
+
+    def _state(self, centre: np.ndarray, axes: np.ndarray, cage: float) -> BearingState:
+        """Forces in the bearing at a pose of its inner ring, centre (3,) and axes (3, 3)."""
+        from jointplay.physics.contact.elastic import answers
+
+        pose = np.concatenate([centre, axes.ravel()])[None]
+        out = answers(self.law, self.resultant, pose, cage)[0]
+        loads, angles = self.element_loads(centre, axes[:, 2], cage)
+        stiffness = out[resultant.TANGENT : resultant.ANSWERS].reshape(6, 6).copy()
+        return BearingState(out[:6].copy(), float(out[resultant.ENERGY]), loads, angles, stiffness)
 
     def deflection(
         self,
@@ -560,7 +588,7 @@ class RollingBearing(WholeLawJoint):
         moment: Sequence[float] | np.ndarray = (0.0, 0.0, 0.0),
         cage: float | None = None,
     ) -> np.ndarray:
-        """Where the inner ring comes to rest under a load, without friction: (6,) [m, rad].
+        """Displacement of the inner ring at rest under a load, without friction, (6,) [m, rad].
 
         Displacement of the centre and rotation vector under a force [N] and a moment about the
         centre, none about the axis [N m], outer ring's axes; `cage` as in `load`.
@@ -576,8 +604,9 @@ class RollingBearing(WholeLawJoint):
         moment: Sequence[float] | np.ndarray = (0.0, 0.0, 0.0),
         cage: float | None = None,
     ) -> BearingRest:
-        """As `deflection`, and how it changes with the load: in a seat but for a part as small as
-        the lean.
+        """The position of rest under a load, as `deflection`, with its compliance.
+
+        In a seat the compliance neglects a part as small as the seat's lean.
 
         Raises:
             JointplayError: a moment about the axis; no equilibrium.
@@ -595,10 +624,11 @@ class RollingBearing(WholeLawJoint):
     def rests(
         self, loads: np.ndarray, cage: np.ndarray | float | None = None
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Where the inner ring rests under many loads, and where nothing of it is free to move.
+        """Displacements of the inner ring under many loads, and whether it is held.
 
-        Forces and moments (n, 6) [N, N m], of which none about the axis counts; `cage` is one
-        azimuth or (n,) [rad]. Returns displacements as of `deflection` (n, 6) [m, rad], and (n,).
+        Loads are forces and moments (n, 6) [N, N m], of which that about the axis is ignored;
+        `cage` is one azimuth or (n,) [rad]. Returns displacements as `deflection`, (n, 6) [m, rad],
+        and whether the ring is free in no direction, (n,).
 
         Raises:
             JointplayError: no equilibrium.
@@ -620,6 +650,8 @@ class RollingBearing(WholeLawJoint):
 
         turn, seat = self.cage_angle if cage is None else cage, self.seat
         lean = np.zeros((len(loads), 2))
+        # With a seat the bearing's load is in the axes of its outer ring, which leans under it:
+        # repeat until the lean stays.
         for _ in range(_MOST_ROUNDS):
             results = rolling.rests(self.resultant, loads[:, :5], turn, lean)
             state = results[:, rolling.STATE]
@@ -641,28 +673,19 @@ class RollingBearing(WholeLawJoint):
             lean = shift[:, 3:]
         raise JointplayError(f"its seat leans by {np.abs(lean).max():.3g} and more")
 
-    def _state(self, centre: np.ndarray, axes: np.ndarray, cage: float) -> BearingState:
-        from jointplay.physics.contact.elastic import answers
-
-        pose = np.concatenate([centre, axes.ravel()])[None]
-        out = answers(self.law, self.resultant, pose, cage)[0]
-        loads, angles = self.element_loads(centre, axes[:, 2], cage)
-        stiffness = out[resultant.TANGENT : resultant.ANSWERS].reshape(6, 6).copy()
-        return BearingState(out[:6].copy(), float(out[resultant.ENERGY]), loads, angles, stiffness)
-
     def element_loads(
         self, centre: np.ndarray, axis: np.ndarray, cage: float | np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
         """Loads [N] and contact angles [rad] of all elements, row by row, (..., rows * Z).
 
-        At one or many places of the inner ring: its centre (..., 3) [m] and axis (..., 3) in the
+        At one or many positions of the inner ring: its centre (..., 3) [m] and axis (..., 3) in the
         outer one's axes, and the azimuth of the first element (...) [rad].
         """
         if self.seat is not None:
             shift = self._seat_shift(centre, axis, cage)
             centre, lean = centre - shift[..., :3], shift[..., 3:]
             axis = axis - np.concatenate([lean, np.zeros((*lean.shape[:-1], 1))], axis=-1)
-        # In numpy: the law of `contact.rolling` said a second time.
+        # The law of `contact.rolling` again, in numpy for arrays of any shape.
         d = self._numbers
         phi = np.asarray(cage)[..., None] + 2.0 * np.pi * np.arange(self.count) / self.count
         c, s = np.cos(phi), np.sin(phi)
@@ -687,7 +710,7 @@ class RollingBearing(WholeLawJoint):
     def _seat_shift(
         self, centre: np.ndarray, axis: np.ndarray, cage: float | np.ndarray
     ) -> np.ndarray:
-        """By how much the outer ring is displaced in its seat, and leans, (..., 5) [m, 1]."""
+        """Displacement of the outer ring in its seat, and lean of its axis, (..., 5) [m, 1]."""
         from jointplay.physics.contact.elastic import answers
 
         poses = np.zeros((*centre.shape[:-1], 12))
@@ -699,7 +722,7 @@ class RollingBearing(WholeLawJoint):
     # Life.
 
     def ratings(self) -> tuple[float, float]:
-        """C and C_0 of one row: given, the catalogue's, or estimated [N]."""
+        """Ratings C and C_0 of one row: given, the catalogue's, or estimated [N]."""
         listed, (dynamic, static) = self._entry, self._estimated_ratings()
         return (
             self.dynamic_rating or float(listed.get("dynamic", dynamic)),
@@ -708,10 +731,11 @@ class RollingBearing(WholeLawJoint):
 
     @abstractmethod
     def _estimated_ratings(self) -> tuple[float, float]:
-        """C and C_0 of one row by the geometry [N]."""
+        """Ratings C and C_0 of one row by the geometry [N]."""
 
     def life(self, loads: np.ndarray, outer_turns: bool = False) -> float:
-        """Basic reference rating life L10 at lasting element loads (rows * Z,) [N], in revolutions.
+        """Basic reference rating life L10 under constant element loads (rows * Z,) [N], in
+        revolutions.
 
         `outer_turns`: the outer ring turns against the load, not the inner one.
         """
@@ -719,11 +743,12 @@ class RollingBearing(WholeLawJoint):
         return math.inf if used == 0.0 else 1.0 / used
 
     _life: ClassVar[tuple[tuple[float, float], float, float, float, float]]
-    """Of ISO/TS 16281, with the dynamic rating as unit: loads that the inner and the outer raceway
-    bear, the factor between them, exponents of the mean load and of the life, Weibull's slope."""
+    """Numbers of ISO/TS 16281: load ratings of an element on the inner and the outer raceway, in
+    units of the dynamic rating; the factor between them; exponents of the mean load and of the
+    life; Weibull's slope."""
 
     def damage_of_turn(self, loads: np.ndarray, outer_turns: bool = False) -> np.ndarray:
-        """Parts (n,) of the life L10 that a revolution takes at element loads (n, rows * Z) [N].
+        """Part of the life L10 that one revolution takes at element loads (n, rows * Z) [N], (n,).
 
         `outer_turns`: see `life`.
         """
@@ -736,10 +761,10 @@ class RollingBearing(WholeLawJoint):
         turning, standing = (np.mean(loads**p, axis=2) ** (1.0 / p) for p in (mean, life))
         on_inner, on_outer = (standing, turning) if outer_turns else (turning, standing)
         used = (on_inner / inner) ** life + (on_outer / outer) ** life
-        # Rings and rows: a product of probabilities.
+        # Rows survive together: their probabilities multiply.
         return np.asarray(1e-6 * np.sum(used, axis=1) ** (1.0 / slope))
 
-    # What the package asks of a joint.
+    # As a joint: see `Clearance`.
 
     @property
     def contacts(self) -> tuple[str, ...]:
@@ -747,21 +772,21 @@ class RollingBearing(WholeLawJoint):
 
     @property
     def exponent(self) -> float:
-        """n of the load of an element."""
+        """Exponent n of an element's load by its deflection."""
         return resultant.ROLLER_EXPONENT if self.roller_elements else resultant.BALL_EXPONENT
 
     @property
     def normal(self) -> NormalForceLaw:
-        """Of one element."""
+        """Law of the normal force of one element."""
         return resultant.ElementContact(self.exponent, self.rated_load)
 
     @property
     def rated_load(self) -> float:
-        """Of the element that bears most, at the static rating [N] (ISO 76)."""
+        """Load of the most loaded element at the static rating [N] (ISO 76)."""
         return self._most / math.cos(self.alpha) * self.ratings()[1] / self.count
 
     _most: ClassVar[float]
-    """Q Z cos(alpha) / F of the element that bears most, under a load across."""
+    """Q Z cos(alpha) / F of the most loaded element under a radial load."""
 
     def contact_properties(self, contact: int) -> ContactProperties:
         return ContactProperties(self.stiffness_of_element, 1.0)
@@ -772,12 +797,12 @@ class RollingBearing(WholeLawJoint):
 
     @property
     def loosest(self) -> float:
-        """Radial clearance as bought with which elements still keep the rings together [m]."""
+        """Largest radial clearance as bought with which elements keep the rings together [m]."""
         return _LOOSEST
 
     @property
     def preloaded(self) -> bool:
-        """Whether elements bear load with both rings centred: then nothing is free."""
+        """Whether elements bear load with both rings centred, so that there is no play."""
         return bool(self.element_loads(np.zeros(3), np.eye(3)[2], 0.0)[0].max() > 0.0)
 
     @cached_property
@@ -786,13 +811,13 @@ class RollingBearing(WholeLawJoint):
 
     @cached_property
     def _reach(self) -> np.ndarray:
-        """How far across and along the axis it is free, and how far it tilts, (3,) [m, rad]."""
+        """Free travel across and along the axis, and free tilt, to either side, (3,) [m, rad]."""
         loads = np.eye(6)[[0, 2, 4]]
         return np.abs(self._free_set.support(loads).value)
 
     @property
     def search_radius(self) -> float:
-        """As `Clearance.search_radius`; with preload the deflection of the elements [m]."""
+        """See `Clearance.search_radius`; at least a deflection of the elements, for preload [m]."""
         light = 1e-3 * self.ratings()[1] / self.count
         return max(self.radial_travel, (light / self.stiffness_of_element) ** (1.0 / self.exponent))
 
@@ -802,7 +827,7 @@ class RollingBearing(WholeLawJoint):
 
     @property
     def span(self) -> float:
-        """Distance of the rows' centres [m]."""
+        """Axial distance of the rows' centres [m]."""
         places = [h for h, _ in self.row_places]
         return max(places) - min(places)
 
@@ -839,11 +864,16 @@ class RollingBearing(WholeLawJoint):
     def directions(self) -> np.ndarray:
         phi = np.linspace(0.0, 2.0 * np.pi, SAMPLES, endpoint=False)
         c, s, zero = np.cos(phi), np.sin(phi), np.zeros(SAMPLES)
-        angles = [math.pi / 4.0, -math.pi / 4.0] if self.roller_elements else []
         d, parts = self._numbers, []
         for h, y in self.row_places:
-            slopes = angles or [math.atan2(y, d["reach"])] if y else angles or self._play_angles
-            for angle in slopes:
+            if self.roller_elements:
+                angles = [math.pi / 4.0, -math.pi / 4.0]
+            elif y:
+                angles = [math.atan2(y, d["reach"])]
+            else:  # a ball of a deep groove moves between the ends of the axial play
+                most = math.acos(min(d["reach"] / d["distance"], 1.0))
+                angles = [-most, 0.0, most]
+            for angle in angles:
                 across, up = math.cos(angle), math.sin(angle)
                 lever = across * h - up * d["radius"]
                 parts.append(
@@ -853,15 +883,9 @@ class RollingBearing(WholeLawJoint):
                 )
         return np.concatenate(parts)
 
-    @property
-    def _play_angles(self) -> list[float]:
-        """Contact angles between which a ball of a deep groove moves [rad]."""
-        d = self._numbers
-        most = math.acos(min(d["reach"] / d["distance"], 1.0))
-        return [-most, 0.0, most]
-
     @cached_property
     def _free_set(self) -> ElementPlay:
+        """The play, to first order."""
         d = self._numbers
         return _element_play(
             rows=self.row_places,
@@ -903,18 +927,13 @@ class RollingBearing(WholeLawJoint):
 
 
 _BY_LOAD = np.array([1.0, 1.0, 1.0, 1.0, -1.0])[:, None] * np.eye(5)[[0, 1, 2, 4, 3]]
-"""Force and moment in terms of `contact.rolling`'s xi."""
+"""Maps a force and a moment about x and y to the load on xi of `contact.rolling`, whose last two
+components are those of the axis, by its rotation about y and -x."""
 _LOOSEST, _ROOM = 1e-3, 0.9
-"""Largest clearance of rollers [m]; of balls, by that which leaves no angle of contact."""
+"""Largest clearance of rollers [m]; of balls, relative to the one that leaves no contact angle."""
 _MOST_ROUNDS, _SAME_LEAN = 60, 1e-14
-"""In which a bearing and its seat agree of the outer ring's lean."""
-
-
-def _rotation(vector: np.ndarray) -> np.ndarray:
-    import pinocchio as pin  # not needed to check a scenario
-
-    matrix: np.ndarray = pin.exp3(np.asarray(vector, float))
-    return matrix
+"""Most rounds in which the outer ring's lean in its seat is found; change of the lean at the end.
+"""
 
 
 def refuse(field: str, message: str) -> NoReturn:
@@ -928,9 +947,9 @@ def point_contact_stiffness(
     """Hertz stiffness of an elliptic point contact, delta = (Q / K)^(2/3).
 
     Args:
-        sum_of_curvatures: of both bodies in both main planes [1/m].
+        sum_of_curvatures: sum of both bodies' curvatures in both principal planes [1/m].
         difference: F(rho) of ISO/TS 16281, relative difference of the curvatures, in [0, 1).
-        modulus: E / (1 - nu^2), the same of both bodies [Pa].
+        modulus: E / (1 - nu^2), the same for both bodies [Pa].
 
     Returns:
         K [N/m^1.5], and the ratio of the ellipse's axes.
@@ -953,10 +972,10 @@ def point_contact_stiffness(
 class BallBearing(RollingBearing):
     """A deep-groove or angular contact ball bearing, one row or a pair.
 
-    Without a contact angle it is a deep-groove bearing. With one, C_r says how far the ring moves
-    across until the balls of a pair touch, and a single row is free only in one direction along
-    its axis. Reference: T. A. Harris, M. N. Kotzalas, Rolling Bearing Analysis (2006); ISO/TS
-    16281:2008; bearings of one row, angular contact: A. B. Jones, Trans. ASME D 82 (1960) 309-320.
+    Without a contact angle it is a deep-groove bearing. With one, C_r is the radial travel until
+    the balls of a pair touch, and a single row is free in one direction along its axis only.
+    References: T. A. Harris, M. N. Kotzalas, Rolling Bearing Analysis (2006); ISO/TS 16281:2008;
+    angular contact bearings of one row: A. B. Jones, Trans. ASME D 82 (1960) 309-320.
 
     Raises:
         JointplayError: dimensions that are missing, not positive, contradictory or impossible; an
@@ -973,17 +992,17 @@ class BallBearing(RollingBearing):
     """``single``, or a pair: ``DB`` back to back, ``DF`` face to face, ``DT`` in tandem. None takes
     the designation's, or ``single``."""
     spacing: OptionalQuantity = quantity("m", default=None, above=0.0, label="spacing")
-    """Distance of the centres of a pair's rows [m]; None puts the rings side by side."""
+    """Distance between the centres of a pair's rows [m]; None puts the rings side by side."""
     contact_angle: OptionalQuantity = quantity(
         "rad", default=None, least=0.0, label="contact angle"
     )
     """Nominal contact angle [rad]; None takes the designation's, 0 for deep-groove bearings."""
     preload: OptionalQuantity = quantity("N", default=None, least=0.0)
-    """Axial force by which a pair is preloaded [N]; None goes by the clearance."""
+    """Axial force by which a pair is preloaded [N]; None: by its clearance, if that is negative."""
     inner_groove: Quantity = quantity("", default=0.52)
-    """f_i, radius of the inner groove over D."""
+    """f_i, radius of the inner groove over the ball diameter."""
     outer_groove: Quantity = quantity("", default=0.52)
-    """f_o, radius of the outer groove over D."""
+    """f_o, radius of the outer groove over the ball diameter."""
 
     def __post_init__(self) -> None:
         for name in ("inner_groove", "outer_groove"):
@@ -1062,7 +1081,7 @@ class BallBearing(RollingBearing):
         return self.d_bore
 
     def of_classes(self) -> dict[str, RollingBearing]:
-        """By clearance class; of a pair of angular contact bearings as it is, and preloaded.
+        """The bearing in each class of clearance; an angular contact pair as given, and preloaded.
 
         The preload, if none is given, is a hundredth of the static rating.
         """
@@ -1081,7 +1100,7 @@ class BallBearing(RollingBearing):
 
     @property
     def distance(self) -> float:
-        """A, of the grooves' centres of curvature where a ball just touches both [m]."""
+        """Distance A of the grooves' centres of curvature when a ball just touches both [m]."""
         return (self.inner_groove + self.outer_groove - 1.0) * self.d_element
 
     @property
@@ -1092,11 +1111,12 @@ class BallBearing(RollingBearing):
 
     @cached_property
     def operating_clearance(self) -> float:
-        """C_r of the mounted bearing, of preload where that is given [m]."""
-        return self.cr if self.preload is None else self._clearance_of_preload(self.preload)
-
-    def _clearance_of_preload(self, force: float) -> float:
-        """C_r at which the rows of a pair press against each other with a force [N]."""
+        """C_r of the mounted bearing [m]: with a preload, the negative one at which the rows of the
+        pair press against each other with this force.
+        """
+        if self.preload is None:
+            return self.cr
+        force = self.preload
         if force == 0.0:
             return 0.0
         from scipy.optimize import brentq  # takes long to import
@@ -1113,22 +1133,17 @@ class BallBearing(RollingBearing):
         up = brentq(surplus, start, start + 0.2 * self.d_element, xtol=1e-16, rtol=1e-14)
         return math.sqrt(max(a * a - up * up, 0.0)) - reach
 
-    @cached_property
-    def free_angle(self) -> float:
-        """alpha_0, contact angle at the ends of the axial play [rad]."""
-        if self.alpha > 0.0:
-            return self.alpha
-        return math.acos(min(1.0, 1.0 - max(self.operating_clearance, 0.0) / self.distance))
-
     @property
     def groove_radius(self) -> float:
-        """r_i, of the circle of the inner groove's centres of curvature [m]."""
-        more = (self.inner_groove - 0.5) * self.d_element * math.cos(self.free_angle)
-        return 0.5 * self.d_pitch + more
+        """Radius r_i of the circle of the inner groove's centres of curvature [m]."""
+        angle = self.alpha  # at the ends of the axial play
+        if not angle > 0.0:
+            angle = math.acos(min(1.0, 1.0 - max(self.operating_clearance, 0.0) / self.distance))
+        return 0.5 * self.d_pitch + (self.inner_groove - 0.5) * self.d_element * math.cos(angle)
 
     @cached_property
     def row_places(self) -> tuple[tuple[float, float], ...]:
-        """Place h along the axis and y_0 of each row [m]."""
+        """Axial position h and y_0 of each row [m]."""
         a, clearance = self.distance, self.operating_clearance
         if clearance >= 0.5 * a:
             raise JointplayError(
@@ -1163,7 +1178,7 @@ class BallBearing(RollingBearing):
         }
 
     def race_contact(self, inner: bool) -> tuple[float, float]:
-        """Hertz stiffness K of the contact with one ring [N/m^1.5], and its ellipse's ratio."""
+        """Hertz stiffness K of a ball on one ring [N/m^1.5], and its ellipse's ratio of axes."""
         gamma, d = self._gamma, self.d_element
         groove = self.inner_groove if inner else self.outer_groove
         curvature = gamma / (1.0 - gamma) if inner else -gamma / (1.0 + gamma)
@@ -1176,13 +1191,16 @@ class BallBearing(RollingBearing):
         return float(soft**-1.5)
 
     def _life_factor(self, lead: float) -> float:
-        """lead ((1 - gamma)/(1 + gamma))^1.72 (f_i (2 f_o - 1) / (f_o (2 f_i - 1)))^0.41."""
+        """Ratio of the raceways' ratings in Lundberg and Palmgren's theory.
+
+        lead ((1 - gamma)/(1 + gamma))^1.72 (f_i (2 f_o - 1) / (f_o (2 f_i - 1)))^0.41.
+        """
         gamma, fi, fo = self._gamma, self.inner_groove, self.outer_groove
         grooves = fi / fo * (2.0 * fo - 1.0) / (2.0 * fi - 1.0)
         return float(lead * ((1.0 - gamma) / (1.0 + gamma)) ** 1.72 * grooves**0.41)
 
     def _estimated_ratings(self) -> tuple[float, float]:
-        """Lundberg and Palmgren's C, in Harris's form; C_0 = f_0 Z D^2 cos(alpha)."""
+        """C of Lundberg and Palmgren, in Harris's form; C_0 = f_0 Z D^2 cos(alpha) [N]."""
         gamma, d, z, fi = self._gamma, 1e3 * self.d_element, self.count, self.inner_groove
         factor = 39.9 * (1.0 + self._life_factor(1.04) ** (10.0 / 3.0)) ** -0.3
         factor *= gamma**0.3 * (1.0 - gamma) ** 1.39 / (1.0 + gamma) ** (1.0 / 3.0)
@@ -1192,7 +1210,7 @@ class BallBearing(RollingBearing):
 
     @property
     def _life(self) -> tuple[tuple[float, float], float, float, float, float]:  # type: ignore[override]
-        """Equations 19 to 29."""
+        """Equations 19 to 29 of ISO/TS 16281."""
         unit = self.count * math.cos(self.alpha) ** 0.7
         shares = 1.0 / (0.407 * unit), 1.0 / (0.389 * unit)
         return shares, self._life_factor(1.044), 3.0, 10.0 / 3.0, 10.0 / 9.0
@@ -1202,8 +1220,8 @@ class BallBearing(RollingBearing):
 class CrossedRollerBearing(RollingBearing):
     """A crossed roller bearing: one row of rollers whose axes alternate by 45 degrees.
 
-    Each roller bears load one way along the axis; all bear load across it. Reference: ISO/TS
-    16281:2008 for the line contact, one slice of each roller.
+    Each roller bears axial load in one direction; all bear radial load. Reference: ISO/TS
+    16281:2008 for the line contact, with one slice of each roller.
 
     Raises:
         JointplayError: dimensions that are missing, not positive, contradictory or impossible; an
@@ -1221,7 +1239,7 @@ class CrossedRollerBearing(RollingBearing):
     _most: ClassVar[float] = 4.08
 
     roller_length: OptionalQuantity = quantity("m", default=None, above=0.0, label="roller length")
-    """L [m]; None takes 0.9 of the diameter."""
+    """Length L of a roller [m]; None takes 0.9 of the diameter."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -1235,7 +1253,7 @@ class CrossedRollerBearing(RollingBearing):
 
     @cached_property
     def _estimated_diameter(self) -> float:
-        """That with which C_0 = 44 (1 - gamma) Z L D cos(45 deg); or a share of the room [m]."""
+        """D at which C_0 = 44 (1 - gamma) Z L D cos(45 deg), or a part of the space [m]."""
         static = self.static_rating or float(self._entry.get("static", 0.0))
         if not static:
             return 0.3 * (self.d_outside - self.d_bore)
@@ -1259,7 +1277,7 @@ class CrossedRollerBearing(RollingBearing):
 
     @property
     def length(self) -> float:
-        """L [m]."""
+        """Length L of a roller [m]."""
         return self.roller_length or ROLLER_LENGTH * self.d_element
 
     @property
@@ -1282,20 +1300,20 @@ class CrossedRollerBearing(RollingBearing):
         return {"radius": 0.5 * self.d_pitch, "reach": self.cr, "distance": 0.0, "ratio": ratio}
 
     def _hertz(self) -> float:
-        """35948 L^(8/9) N/mm^(10/9), of steel (ISO/TS 16281); of other moduli in proportion."""
+        """35948 L^(8/9) N/mm^(10/9) for steel (ISO/TS 16281), in proportion to other moduli."""
         steel, rings = material("bearing-steel"), self.ring_material
         softer = rings.young / (1.0 - rings.poisson**2) * (1.0 - steel.poisson**2) / steel.young
         return 35948.0 * (1e3 * self.length) ** (8.0 / 9.0) * 1e3 ** (10.0 / 9.0) * softer
 
     def _estimated_ratings(self) -> tuple[float, float]:
-        """C_0 by ISO 76; C is three quarters of it, as of the makers' smaller sizes."""
+        """C_0 by ISO 76; C is three quarters of it, as in the makers' smaller sizes [N]."""
         size = 1e6 * self.count * self.length * self.d_element
         static = ROLLER_STATIC * (1.0 - self._gamma) * size * math.sqrt(0.5)
         return 0.75 * static, static
 
     @property
     def _life(self) -> tuple[tuple[float, float], float, float, float, float]:  # type: ignore[override]
-        """As of radial rollers, one slice each."""
+        """The numbers for radial rollers, with one slice each."""
         factor = 1.038 * ((1.0 - self._gamma) / (1.0 + self._gamma)) ** (143.0 / 108.0)
         unit = 0.83 * self.count * math.cos(self.alpha)
         return (1.0 / (0.378 * unit), 1.0 / (0.364 * unit)), factor, 4.0, 4.5, 9.0 / 8.0

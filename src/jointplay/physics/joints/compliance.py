@@ -1,9 +1,9 @@
-"""Joints that give way: springs in the directions in which a joint holds its two bodies.
+"""Compliant joints: springs in the directions in which a joint holds its two bodies.
 
-`elasticity` says how stiff; `CompliantJoint` is a joint without play that gives way like this, and
-a rolling bearing can have it as its `seat`, in series with its balls or rollers. `CompliantMount`
-holds a body in every direction: in the place of a fixed joint, or under the bush of a joint whose
-surfaces slide (`parts_of_seat`).
+`Elasticity` is their stiffness. `CompliantJoint` and `CompliantSlider` are joints without play held
+by such springs; a rolling bearing can have them as its `seat`, in series with its balls or rollers.
+`CompliantMount` holds a body in every direction: instead of a fixed joint, or under the bush of a
+joint whose surfaces slide (`parts_of_seat`).
 """
 
 from __future__ import annotations
@@ -25,21 +25,21 @@ from jointplay.physics.joints.element_play import NO_PLAY
 from jointplay.physics.joints.play import Play
 
 _LAWS = {ABOUT_AXIS: resultant.SPRINGS, ALONG_AXIS: resultant.GUIDE, None: resultant.MOUNT}
-"""Of springs, by the direction that they leave free."""
+"""Compiled laws of springs, by the direction that they leave free."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Held(base.WholeLawJoint):
-    """A joint without play that gives way wherever it holds: springs hold it."""
+    """A joint without play, held by springs in all directions that are not free."""
 
     clearance_fields: ClassVar[Mapping[str, str | None]] = {}
     free: ClassVar[int | None]
     """Direction that springs leave free, see `Elasticity.require_free`."""
     thickness: ClassVar[float] = 0.5
-    """Of the disc that is shown, relative to its diameter."""
+    """Thickness of the disc in pictures, relative to its diameter."""
 
     elasticity: Elasticity
-    """How stiff it is; in the direction that is free it has nothing."""
+    """Stiffness of the joint; none in the direction that is free."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -69,7 +69,7 @@ class _Held(base.WholeLawJoint):
 
     @property
     def normal(self) -> NormalForceLaw:
-        """A linear spring across."""
+        """A linear spring across the axis."""
         return resultant.ElementContact(1.0)
 
     def contact_properties(self, contact: int) -> ContactProperties:
@@ -105,7 +105,7 @@ class _Held(base.WholeLawJoint):
 
     @property
     def outline(self) -> base.Outline:
-        """A disc to show, without room; its radius is that at which tilt is as stiff as axial."""
+        """A disc for pictures, without room, of the radius at which tilt is as stiff as axial."""
         _, _, along, tilt, _, _ = np.diag(self.elasticity.stiffness)
         radius = float(np.clip(math.sqrt(2.0 * tilt / along), 5e-3, 0.1))
         size = (radius, radius, self.thickness * radius)
@@ -125,9 +125,9 @@ class _Held(base.WholeLawJoint):
 
 @dataclass(frozen=True, kw_only=True)
 class CompliantJoint(_Held):
-    """A joint that turns without play, and gives way across, along and in tilt (`Elasticity`).
+    """A joint that turns without play, and is elastic across, along and in tilt (`Elasticity`).
 
-    Its six coordinates are free, and springs hold all but the turn about the axis.
+    Its six coordinates are free; springs hold all but the rotation about the axis.
     """
 
     kind: ClassVar[str] = "compliant"
@@ -138,9 +138,9 @@ class CompliantJoint(_Held):
 
 @dataclass(frozen=True, kw_only=True)
 class CompliantSlider(_Held):
-    """A joint that slides without play, gives way across and in all rotations (`Elasticity`).
+    """A joint that slides without play, and is elastic across and in all rotations (`Elasticity`).
 
-    Its six coordinates are free, and springs hold all but the displacement along z.
+    Its six coordinates are free; springs hold all but the displacement along z.
     """
 
     kind: ClassVar[str] = "compliant-slider"
@@ -150,20 +150,21 @@ class CompliantSlider(_Held):
 
     @property
     def outline(self) -> base.Outline:
-        """A block to show, without room; where its sides are, torsion is as stiff as across."""
+        """A block for pictures, without room; at its sides torsion is as stiff as across."""
         across, _, _, _, _, torsion = np.diag(self.elasticity.stiffness)
         half = float(np.clip(math.sqrt(torsion / across), 5e-3, 0.1))
         return base.Outline("block", (half, half, 2.0 * half), (0.0, 0.0, 0.0), walls=True)
 
 
 _WAYS = ("along x", "along y", "along z", "about x", "about y", "about z")
+"""The six directions in words, in the order of a twist."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class CompliantMount(_Held):
-    """A fixed joint that gives way in all six directions: a soft table, a suspension, a flange.
+    """A fixed joint that is elastic in all six directions: a soft table, a suspension, a flange.
 
-    Its coordinates are free but for those that are `locked`, and springs hold all of them; no drive
+    Its coordinates are free but for those that are `locked`, and springs hold them all; no drive
     acts on it. Its axes are those of the URDF's joint.
 
     Raises:
@@ -176,8 +177,8 @@ class CompliantMount(_Held):
     free: ClassVar[int | None] = None
     thickness: ClassVar[float] = 0.25
     locked: tuple[str, ...] = ()
-    """Directions in which it does not give way: of ``x``, ``y``, ``z``, ``yaw`` (about z),
-    ``pitch`` (about y), ``roll`` (about x). Their stiffness has no effect."""
+    """Directions in which it is rigid, among ``x``, ``y``, ``z``, ``yaw`` (about z), ``pitch``
+    (about y), ``roll`` (about x). Their stiffness has no effect."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -212,45 +213,46 @@ class CompliantMount(_Held):
 def hinge_of_beam(
     stiffness: np.ndarray, damping_time: float, locked: tuple[str, ...]
 ) -> CompliantMount:
-    """What holds two pieces of a flexible link together, z along the beam; see `CompliantMount`.
+    """The hinge between two pieces of a flexible link, z along the beam.
 
-    Stiffness (6,) along x, y, z [N/m] and about them [N m/rad]; `damping_time` is damping over
-    stiffness [s].
+    Args:
+        stiffness: along x, y, z [N/m] and about them [N m/rad], (6,).
+        damping_time: damping over stiffness [s].
+        locked: directions in which it is rigid; see `CompliantMount`.
     """
     springs = Elasticity(matrix=np.diag(stiffness).tolist(), damping_time=damping_time)
     return CompliantMount(elasticity=springs, locked=locked)
 
 
-# The bush of a joint in a seat. A contact needs a body to push against: the time loop knows no
-# surfaces between bodies without mass, as the rings of rolling bearings are.
+# The bush of a joint in a seat is a body of its own. A contact needs a body to push against: unlike
+# the rings of rolling bearings, surfaces in the time loop cannot belong to a massless body.
 
 
 BUSH_WALL = 0.5
 """Wall of a bush over the half width of its bore, where no mass is given."""
 BUSH_DENSITY = 7850.0
-"""Steel [kg/m^3], where the bearing's material has none."""
+"""Density of steel [kg/m^3], for bearings of a material without one."""
 
 
 class SeatParts(NamedTuple):
-    """What a joint in a seat consists of."""
+    """The parts of a joint in a seat."""
 
     joint: base.Clearance
     """The joint between the bush and the other body, without its seat."""
     mount: base.Clearance
-    """What holds the bush in the body that carries the bearing."""
+    """The mount that holds the bush in the body that carries the bearing."""
     mass: float
-    """Of the bush [kg]."""
+    """Mass of the bush [kg]."""
     moments: tuple[float, float, float]
-    """Of inertia about the bush's centre and the bearing's axes [kg m^2]."""
+    """Moments of inertia about the bush's centre and the bearing's axes [kg m^2]."""
 
 
 def parts_of_seat(joint: base.Clearance) -> SeatParts | None:
-    """Bush and mount of a joint in a seat; None if it has none, or a law of its own for it.
+    """Bush and mount of a joint in a seat; None without a seat, or if a law includes it.
 
-    An ideal joint gives way no more than it has clearance.
-
-    The bush is a body as long as the bearing with a wall of half the half width of its bore
-    (`BUSH_WALL`), a tube, a hollow ball or a hollow block; `seat_mass` only scales it.
+    The seat of an ideal joint is rigid: None, too. The bush is a body as long as the bearing with a
+    wall of half the half width of its bore (`BUSH_WALL`): a tube, a hollow ball or a hollow block;
+    `seat_mass` only scales it.
     """
     if not isinstance(joint, base.SlidingClearance) or joint.seat is None or joint.ideal:
         return None

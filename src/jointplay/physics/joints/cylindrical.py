@@ -1,7 +1,7 @@
 """The cylindrical joint with clearance: a rod that turns and slides in a bushing.
 
-A rod longer than its bushing touches it with its side, and the bushing with the edges of its bore:
-the touch of this kind, called by address (`geometry.contacts`).
+The rod is longer than the bushing: its side touches the edges of the bore. `touch` finds the gaps;
+it is compiled and called by address (`geometry.contacts`).
 """
 
 from __future__ import annotations
@@ -21,15 +21,16 @@ from jointplay.physics.joints.base import Outline, RoundClearance
 from jointplay.physics.joints.play import JournalPlay
 
 _NEAR = 0.1
-"""Tilt counts so little beside the offset that Newton's method finds the nearest point."""
+"""Term of the tilt, relative to the offset, below which Newton's method converges to the nearest
+point; above, bisection is used."""
 
 
 def touch(k, pose, bearing_radius, journal_radius, bearing_length):  # type: ignore[no-untyped-def]
     """Gap between an edge of the bushing (k = 0: the end at +z, 1: at -z) and the rod.
 
-    The edge is a circle of radius R_i in the plane z = h, which the rod's axis a pierces at o.
-    Along the direction t in which the axis leans and across it, n, the edge's point at the azimuth
-    phi has from the axis the distance
+    The edge is a circle of radius R_i in the plane z = h, which the rod's axis a intersects at o.
+    With the direction t in which the axis leans, and n across it, the edge's point at the azimuth
+    phi is at the distance from the axis
 
         d(phi)^2 = (R_i cos(phi) - o_t)^2 cos(tilt)^2 + (R_i sin(phi) - o_n)^2
 
@@ -80,10 +81,10 @@ class CylindricalClearance(RoundClearance):
     """A rod of radius R_j that turns and slides in a bushing of radius R_i and length L_i.
 
     The rod reaches beyond both ends of the bushing wherever it slides, so that the edges of the
-    bore touch it, one contact at each end; nothing limits it along the axis. Ideal, it keeps two
-    freedoms: z, and yaw, on which a drive acts.
+    bore touch it, one contact at each end; nothing limits it along the axis. The ideal joint has
+    two freedoms: z, and yaw, on which a drive acts.
 
-    In a URDF it replaces a ``floating`` joint, for URDF has no word for it; z is the axis.
+    In a URDF it replaces a ``floating`` joint, as URDF has no type for it; z is the axis.
 
     Raises:
         JointplayError: a dimension that is missing, not positive, contradictory or impossible.
@@ -95,9 +96,9 @@ class CylindricalClearance(RoundClearance):
     touch: ClassVar[Callable[..., Any]] = staticmethod(touch)
 
     bearing_length: Quantity = quantity("m", default=40e-3, above=0.0, label="bearing length")
-    """L_i, of the bushing [m]."""
+    """Length L_i of the bushing [m]."""
     stroke: Quantity = quantity("m", default=0.1, above=0.0, label="stroke")
-    """How far the rod slides, either way [m]; a limit in URDFs that are written, no force."""
+    """Travel of the rod, to either side [m]; a limit in URDFs that are written, no force."""
 
     def __post_init__(self) -> None:
         super().__post_init__()

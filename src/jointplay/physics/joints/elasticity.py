@@ -1,4 +1,4 @@
-"""Springs in the directions in which a joint holds: numbers, a matrix, or curves."""
+"""The elasticity of joints, seats and mounts: stiffness numbers, a matrix, or curves."""
 
 from __future__ import annotations
 
@@ -13,33 +13,35 @@ from jointplay.base.schema import Described, OptionalQuantity, Quantity, check_f
 from jointplay.physics.contact import resultant
 
 _MOST_BENDS = 60
-"""Steps in which displacements on curves are found."""
+"""Most Newton steps that find displacements on curves."""
 ABOUT_AXIS, ALONG_AXIS = 5, 2
-"""Directions in which joints that turn, and that slide, are free: places in `DIRECTIONS`."""
+"""The free direction of joints that turn, and of joints that slide: indices of `DIRECTIONS`."""
 DIRECTIONS = ("radial", "radial", "axial", "tilt", "tilt", "torsion")
-"""Which stiffness holds along x, y, z and about x, y, z."""
+"""Names of the stiffness along x, y, z and about x, y, z."""
 
 _LEFT_FREE = {
     ABOUT_AXIS: ("about its axis", "stiffness there is the gear's or the drive's"),
     ALONG_AXIS: ("along its axis", "stiffness there is the drive's"),
 }
+"""Free directions, and where their stiffness belongs, in words."""
 
-# Directions by what compiled code calls xi (`contact.elastic`), by the direction that is free: of
-# the axis' part across its bearing's it is the y that a turn about x changes, the other way round.
 _XI = {
     ABOUT_AXIS: np.eye(6)[:, [0, 1, 2, 4, 3]] * [1.0, 1.0, 1.0, 1.0, -1.0],
     ALONG_AXIS: np.eye(6)[:, [0, 1, 4, 3, 5]] * [1.0, 1.0, 1.0, -1.0, 1.0],
     None: np.eye(6),
 }
+"""Map from the coordinates xi of compiled code (`contact.elastic`) to the six directions, by the
+direction that is free. A tilt is in xi the axis' components x and y across the bearing's axis, by a
+rotation about y and about -x."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Elasticity(Described):
-    """Stiffness and damping of what holds a joint, a seat or a mount, in its own axes.
+    """Stiffness and damping of a joint, a seat or a mount, in its own axes.
 
-    z is the axis about which a joint turns, or along which it slides. Give numbers, a matrix, or a
-    curve for a direction, which is added to them. A joint that turns has no torsion stiffness, one
-    that slides no axial stiffness: what gives way there is its gear or its drive. A mount, and the
+    z is the axis about which a joint turns, or along which it slides. Give numbers or a matrix, and
+    for any direction a curve, which is added to them. A joint that turns has no torsion stiffness,
+    one that slides no axial stiffness: there the gear or the drive is elastic. A mount, and the
     seat of a joint whose surfaces slide, are held in every direction.
 
     Raises:
@@ -48,20 +50,21 @@ class Elasticity(Described):
     """
 
     matrix: Sequence[Sequence[float]] | None = quantity("", default=None)
-    """Instead of numbers: of displacements along x, y, z and rotations about them, (6, 6); zero
-    in the row and column of a direction that is free."""
+    """Stiffness matrix for displacements along x, y, z and rotations about them, (6, 6), instead of
+    numbers; zero in the row and column of a direction that is free."""
     damping_time: Quantity = quantity("s", default=1e-5, least=0.0, label="damping time")
-    """Damping over stiffness [s]: a swing of angular frequency w decays by w damping_time / 2."""
+    """Damping over stiffness [s]: a vibration of angular frequency w has the damping ratio
+    w damping_time / 2."""
     radial: OptionalQuantity = quantity("N/m", default=None, above=0.0, label="radial stiffness")
-    """Across z, in x and y alike [N/m]."""
+    """Stiffness across z, the same in x and y [N/m]."""
     axial: OptionalQuantity = quantity("N/m", default=None, above=0.0, label="axial stiffness")
-    """Along z [N/m]."""
+    """Stiffness along z [N/m]."""
     tilt: OptionalQuantity = quantity("N*m/rad", default=None, above=0.0, label="tilt stiffness")
-    """About x and y alike [N m/rad]."""
+    """Stiffness about x and y, the same for both [N m/rad]."""
     torsion: OptionalQuantity = quantity(
         "N*m/rad", default=None, above=0.0, label="torsion stiffness"
     )
-    """About z [N m/rad]."""
+    """Stiffness about z [N m/rad]."""
     radial_curve: Sequence[Sequence[float]] | None = quantity("", default=None)
     """Points (displacement [m], force [N]), added in x and in y; at most 12."""
     axial_curve: Sequence[Sequence[float]] | None = quantity("", default=None)
@@ -85,6 +88,7 @@ class Elasticity(Described):
                     "both",
                     where=("matrix",),
                 )
+        # Scaled by a lever, so that N/m and N m/rad compare.
         held = self.held
         lever = np.array([1.0 if row < 3 else 30.0 for row in held])
         sizes = np.linalg.eigvalsh(self.stiffness[np.ix_(held, held)] * np.outer(lever, lever))
@@ -92,10 +96,10 @@ class Elasticity(Described):
             raise JointplayError("the stiffness matrix must be positive definite", ("matrix",))
 
     def require_free(self, free: int | None) -> None:
-        """Raise unless all directions but `free`, of `DIRECTIONS`, are held.
+        """Refuse unless all directions but `free`, an index of `DIRECTIONS` or None, are held.
 
         Raises:
-            JointplayError: one is not, or that one is.
+            JointplayError: another direction is not held, or `free` is.
         """
         needed, but = dict.fromkeys(DIRECTIONS), ""
         if free is not None:
@@ -116,29 +120,30 @@ class Elasticity(Described):
 
     @cached_property
     def held(self) -> list[int]:
-        """Which of the six directions x, y, z, about x, y, z it holds."""
+        """Indices of the directions, along and about x, y, z, that have stiffness."""
         return [row for row in range(6) if self.stiffness[row].any()]
 
     def displacements(self, loads: np.ndarray) -> np.ndarray:
-        """Displacements [m] and rotations [rad] (n, 6) under forces [N], moments [N m] (n, 6).
+        """Displacements [m] and rotations [rad] (n, 6) under forces [N] and moments [N m] (n, 6).
 
-        In its axes, at its first stiffness; what acts in the direction that is free has no effect.
+        In its axes, with the stiffness at small displacements; loads in the direction that is free
+        have no effect.
         """
         displaced, held = np.zeros_like(loads), self.held
         displaced[:, held] = np.linalg.solve(self.stiffness[np.ix_(held, held)], loads[:, held].T).T
         return displaced
 
     def sunk(self, loads: np.ndarray, free: int | None) -> np.ndarray:
-        """As `displacements`, and with the curves; `free`: see `require_free`."""
+        """As `displacements`, but on the curves; `free`: see `require_free`."""
         if not any(self._curves):
             return self.displacements(loads)
         turn = _XI[free]
         return np.array([turn @ self.under(turn.T @ load, free)[0] for load in loads])
 
     def under(self, push: np.ndarray, free: int | None) -> tuple[np.ndarray, np.ndarray]:
-        """Displacements (n,) under forces and moments (n,), and their compliance (n, n).
+        """Displacement (n,) under a load (n,) on the curves, and the compliance there (n, n).
 
-        In the coordinates of compiled code (see `contact.elastic`), and with the curves; `free`:
+        In the coordinates xi of compiled code (see `contact.elastic`), by Newton's method; `free`:
         see `require_free`.
         """
         turn = _XI[free]
@@ -162,13 +167,13 @@ class Elasticity(Described):
 
     @property
     def _curves(self) -> list[list[tuple[float, float]]]:
-        """By direction."""
+        """Points of the curve in each of the six directions; empty where there is none."""
         curves = (getattr(self, f"{name}_curve") for name in DIRECTIONS)
         return [[(point[0], point[1]) for point in curve or ()] for curve in curves]
 
     @cached_property
     def stiffness(self) -> np.ndarray:
-        """At small displacements along x, y, z and rotations about them, shape (6, 6)."""
+        """Stiffness at small displacements along x, y, z and rotations about them, (6, 6)."""
         if self.matrix is not None:
             matrix = np.array(self.matrix)
         else:
@@ -180,7 +185,7 @@ class Elasticity(Described):
 
     @property
     def _linear(self) -> np.ndarray:
-        """The stiffness less the curves'."""
+        """The stiffness without the curves, (6, 6)."""
         linear = self.stiffness.copy()
         for k, curve in enumerate(self._curves):
             if curve:
@@ -188,14 +193,14 @@ class Elasticity(Described):
         return linear
 
     def numbers(self, free: int | None) -> tuple[float, ...]:
-        """By which compiled code knows the springs; `free`: see `require_free`."""
+        """The springs as numbers for compiled code; `free`: see `require_free`."""
         linear, curves, turn = self._linear, self._curves, _XI[free]
         at = np.abs(turn).argmax(axis=0)
         return resultant.spring_numbers(turn.T @ linear @ turn, [curves[int(k)] for k in at])
 
     @property
     def summary(self) -> str:
-        """Stiffness, for a line of text."""
+        """Stiffness in words."""
         x, _, z, tilt, _, turn = np.diag(self.stiffness)
         parts = [f"{1e-6 * x:.3g} N/µm across"]
         parts += [f"{1e-6 * z:.3g} N/µm along"] if z else []

@@ -1,11 +1,13 @@
-"""What a rolling bearing leaves free: the displacements at which no element bears load.
+"""The play of a rolling bearing: the displacements at which no element bears load.
 
-With the ring's radial and axial displacement at an element's azimuth,
+With the radial and axial displacement of the inner ring at an element's azimuth,
 
     u = c . e_r + h s,   w = c_z - r s,   s = e_r . a
 
-a ball keeps to |(X + u, y_0 + w)| <= A, a second-order cone, and a roller to u + k w <= C_r, a half
-space. The set is what all of them have in common, exact in the first order of the lean a.
+an unloaded ball satisfies |(X + u, y_0 + w)| <= A, a second-order cone, and an unloaded roller
+u + k w <= C_r, a half space. The play is the intersection of these sets over all elements, exact to
+first order in the lean a. A barrier method (Boyd, Vandenberghe, Convex Optimization, 2004, chapter
+11) finds its farthest points.
 """
 
 from __future__ import annotations
@@ -22,19 +24,20 @@ from jointplay.physics.contact.resultant import WAYS
 from jointplay.physics.contact.rolling import solve_in_place
 from jointplay.physics.joints.play import Cone, Cones, Play, Pressed, Support
 
-# Farthest points of what second-order cones or half spaces in five coordinates have in common.
+# Farthest points of an intersection of second-order cones or half spaces in five coordinates.
 
 _EXACT = 1e-6
-"""Part of the largest by which a support function may fall short."""
+"""Largest relative error of a support function."""
 _STAGE, _STEPS, _SHORTER = 30.0, 40, 40
-"""Factor of the objective from stage to stage; most Newton steps in one, halvings of a step."""
+"""Factor of the objective's weight from stage to stage; most Newton steps in one; most halvings of
+a step."""
 _FACTORS = 8
-"""Distances whose product can be told, each 1e-30 at least."""
+"""Distances multiplied before a logarithm is taken, without underflow if each is over 1e-30."""
 
 
 @compiled
 def _height(walls, centres, rooms, aim, weight, y):
-    """Barrier less the weighted aim; infinite outside."""
+    """Barrier less the weighted aim at a point y; infinite outside the set."""
     total, product = 0.0, 1.0
     for i in range(WAYS):
         total -= weight * aim[i] * y[i]
@@ -52,7 +55,7 @@ def _height(walls, centres, rooms, aim, weight, y):
         if not left > 0.0:
             return np.inf
         product *= left
-        if n % _FACTORS == 0:  # a logarithm takes as long as all else of a wall
+        if n % _FACTORS == 0:  # one logarithm takes as long as the rest of a wall
             total -= math.log(product)
             product = 1.0
     return total - math.log(product)
@@ -60,15 +63,17 @@ def _height(walls, centres, rooms, aim, weight, y):
 
 @compiled
 def farthest(walls, centres, rooms, start, aims, points):
-    """Points of the set farthest along some directions.
+    """Points y of the set |walls . y + centres| <= rooms that are farthest along some directions.
+
+    For half spaces the set is walls . y <= rooms.
 
     Args:
-        walls: (k, m, 5), m two for cones and one for half spaces.
+        walls: (k, m, 5); m is 2 for cones and 1 for half spaces.
         centres: (k, m).
-        rooms: (k,), of |walls . y + centres| <= rooms, or walls . y <= rooms.
+        rooms: (k,).
         start: a point inside, (5,).
-        aims: (n, 5).
-        points: (n, 5), for the points found.
+        aims: directions, (n, 5).
+        points: the result, (n, 5).
     """
     count = walls.shape[0]
     slope, bend, trial = np.zeros(WAYS), np.zeros(WAYS * WAYS), np.zeros(WAYS)
@@ -82,6 +87,7 @@ def farthest(walls, centres, rooms, start, aims, points):
         weight, last = degree, degree / _EXACT
         while True:
             for _ in range(_STEPS):
+                # Gradient and Hessian of the barrier less the weighted aim.
                 for i in range(WAYS):
                     slope[i] = -weight * aim[i]
                     for j in range(WAYS):
@@ -111,6 +117,7 @@ def farthest(walls, centres, rooms, start, aims, points):
                         for j in range(i + 1):
                             twice = a * walls[n, 0, j] + b * walls[n, 1, j]
                             bend[WAYS * i + j] += twice + direction[i] * direction[j]
+                # Newton's step, halved until the objective decreases enough.
                 before = _height(walls, centres, rooms, aim, weight, y)
                 gain = 0.0
                 for i in range(WAYS):
@@ -139,53 +146,32 @@ def farthest(walls, centres, rooms, start, aims, points):
             weight = min(_STAGE * weight, last)
 
 
-def wall_forces(places: np.ndarray, rooms: np.ndarray, sizes: np.ndarray) -> np.ndarray:
-    """Forces of the walls at points that are farthest along some aims, which they balance.
-
-    By the slopes of the barrier, which needs no further search.
-
-    Args:
-        places: walls . y + centres of the points y, (n, k, m).
-        rooms: (k,).
-        sizes: of the aims, (n,).
-
-    Returns:
-        Shape (n, k).
-    """
-    if places.shape[2] == 1:
-        degree, slopes = 1, 1.0 / (rooms - places[:, :, 0])
-    else:
-        squares = (places**2).sum(axis=2)
-        degree, slopes = 2, 2.0 * np.sqrt(squares) / (rooms**2 - squares)
-    return np.asarray(slopes * sizes[:, None] * _EXACT / (degree * len(rooms)))
-
-
 @dataclass(frozen=True)
 class ElementPlay(Play):
-    """The inner ring of a rolling bearing while no element bears load.
+    """Displacements of a rolling bearing's inner ring at which no element bears load.
 
-    With preload, or none left, the set is the point zero.
+    Without clearance, or with preload, the set is the point zero.
     """
 
     rows: tuple[tuple[float, float], ...]
-    """Place h along the axis and y_0 of each row [m]."""
+    """Axial position h and y_0 of each row [m]."""
     count: int
-    """Elements of a row."""
+    """Number of elements in a row."""
     cage: float
-    """Azimuth of the first [rad]."""
+    """Azimuth of the first element [rad]."""
     radius: float
-    """r of the groove's centres of curvature, or of the rollers' centres [m]."""
+    """Radius r of the groove's centres of curvature, or of the rollers' centres [m]."""
     across: float
     """X of balls, C_r of rollers [m]."""
     distance: float
     """A of balls [m]."""
     rollers: bool
     excess: float = 0.0
-    """Part by which it was widened, see `widened`."""
+    """Relative excess of a set that is `widened`."""
 
     @cached_property
     def widened(self) -> ElementPlay:
-        """The set large enough for what a lean adds in its second order, r s^2 / 2 across."""
+        """The set widened by the second order of the lean, r s^2 / 2 across."""
         if self.empty:
             return self
         lean = float(self.support(np.eye(6)[3:5]).value.max())
@@ -197,7 +183,7 @@ class ElementPlay(Play):
 
     @cached_property
     def empty(self) -> bool:
-        """Whether nothing is free."""
+        """Whether the set is the point zero."""
         if self.rollers:
             return self.across <= 0.0
         y = np.array([self._start[2] + up for _, up in self.rows])
@@ -205,7 +191,7 @@ class ElementPlay(Play):
 
     @cached_property
     def _start(self) -> np.ndarray:
-        """A point inside: balls of rows that press the same way stand off their shoulders."""
+        """A point inside, (5,): where all rows press the same way, away from that side."""
         start = np.zeros(WAYS)
         if not self.rollers and len({up for _, up in self.rows}) == 1:
             start[2] = -self.rows[0][1]
@@ -236,7 +222,7 @@ class ElementPlay(Play):
 
     @cached_property
     def _units(self) -> np.ndarray:
-        """In which the five coordinates are of like size [m, m, m, 1, 1]."""
+        """Units in which the five coordinates are of similar size [m, m, m, 1, 1]."""
         across = self.across if self.rollers else self.distance - self.across
         along = across
         if not self.rollers:
@@ -300,8 +286,15 @@ class ElementPlay(Play):
         if not self.empty:
             y = np.column_stack([point[:, :3], point[:, 4], -point[:, 3]])
             out = np.einsum("kai,ni->nka", walls, y) + centres
+            # At the end of the central path the gradient of the barrier, over the weight, balances
+            # the aim: each wall's part of it is its force.
+            if self.rollers:
+                degree, slopes = 1, 1.0 / (rooms - out[:, :, 0])
+            else:
+                squares = (out**2).sum(axis=2)
+                degree, slopes = 2, 2.0 * np.sqrt(squares) / (rooms**2 - squares)
             work = np.linalg.norm(self._aims(loads), axis=1)
-            forces = wall_forces(out, rooms, work)
+            forces = slopes * work[:, None] * _EXACT / (degree * k)
             size = np.linalg.norm(out, axis=2, keepdims=True)
             direction = np.ones_like(out) if self.rollers else out / size
             push = np.einsum("nka,kai->nki", direction, walls)
@@ -317,4 +310,4 @@ class ElementPlay(Play):
 NO_PLAY = ElementPlay(
     rows=((0.0, 0.0),), count=2, cage=0.0, radius=1.0, across=0.0, distance=0.0, rollers=True
 )
-"""The point zero."""
+"""The play of a joint without any: the point zero."""

@@ -1,8 +1,8 @@
 """Limits and fits by ISO 286-1: from ``20H7/g6`` to the clearance between a hole and its shaft.
 
-A tolerance class, such as H7, is a letter, which says where the tolerance begins (the fundamental
-deviation), and a grade, which says how wide it is. Numbers and where they were seen are in
-``data/fits.toml``; deviations of holes follow from those of shafts by the standard's rules.
+A tolerance class, such as H7, has a letter for the position of the tolerance (the fundamental
+deviation) and a grade for its width. Tables and their sources are in ``data/fits.toml``; deviations
+of holes follow from those of shafts by the standard's rules.
 """
 
 from __future__ import annotations
@@ -21,34 +21,35 @@ from jointplay.base.schema import known_keywords
 from jointplay.base.units import plain_number
 
 CLEARANCE, TRANSITION, INTERFERENCE = "clearance", "transition", "interference"
+"""Kinds of fit."""
 
 PREFERRED = (
     *("H6/g5", "H6/h5", "H7/f6", "H7/g6", "H7/h6", "H8/e7", "H8/f7", "H8/h7", "H8/d8", "H8/e8"),
     *("H8/f8", "H8/h8", "H9/d8", "H9/e8", "H9/f8", "H9/h8", "H10/b9", "H10/c9", "H10/d9"),
     *("H10/e9", "H10/h9", "H11/b11", "H11/c11", "H11/d10", "H11/h10"),
 )
-"""Clearance fits that the standard prefers, of the hole-basis system (its table as copied in public
+"""Clearance fits that the standard prefers in the hole-basis system (its table as copied in public
 code, seen)."""
 
 _LOOKS_FITTED = re.compile(
     r"\s*\d+(?:[.,]\d+)?\s*(?:mm)?\s*(?:[A-Za-z]{1,2}\s?\d{1,2}\s*(?:[/-].*|[A-Za-z].*)?|/\s*[a-z]{1,2}\d.*)",
     re.ASCII,
 )
-"""A number, letters and a number again, as no length has them."""
+"""A number, letters and a number again, unlike any length."""
 _FORM = re.compile(
     r"(\d+(?:[.,]\d+)?)(?:mm)?([A-Za-z]{1,2})(\d{1,2})([/-]?)(?:([A-Za-z]{1,2})(\d{1,2}))?",
     re.ASCII,
 )
-_EXAMPLE = '"20H7/g6"'
+"""Size, letter and grade of the hole, slash, letter and grade of the shaft."""
 
 
 tables = partial(shipped_table, __file__, "fits")
-"""What ``data/fits.toml`` says, by section."""
+"""The content of ``data/fits.toml``, by section."""
 
 
 @cache
 def letters(hole: bool) -> tuple[str, ...]:
-    """Those of holes, which are capital, or of shafts."""
+    """Letters of tolerance classes, of holes (capitals) or of shafts."""
     names = [*tables()["shafts"]]
     names[names.index("k") : names.index("k")] = ["js", "j"]
     return tuple(name.upper() if hole else name for name in names)
@@ -56,11 +57,11 @@ def letters(hole: bool) -> tuple[str, ...]:
 
 def tolerance(size: float, grade: int) -> float:
     """Standard tolerance IT of a grade for a nominal size [mm], in µm."""
-    return _of(size, tables()["grades"][str(grade)])
+    return _looked_up(size, tables()["grades"][str(grade)])
 
 
-def _of(size: float, row: list[float]) -> float:
-    """The number of a table's row for a nominal size [mm]."""
+def _looked_up(size: float, row: list[float]) -> float:
+    """The entry of a table's row for a nominal size [mm]."""
     sizes = tables()["sizes"]
     steps = sizes["steps"] if len(row) == len(sizes["steps"]) else sizes["fine_steps"]
     return float(row[bisect_left(steps, size)])
@@ -97,19 +98,19 @@ def limits(size: float, letter: str, grade: int) -> Limits:
     width, low = tolerance(size, grade), letter.lower()
     if size <= 1.0 and (grade > 13 or low in "ab" or (letter == "N" and grade > 8)):
         _undefined(size, letter, grade, "up to 1 mm there is none")
-    if low == "js":
+    if low == "js":  # symmetric
         return Limits(-0.5 * width, 0.5 * width)
-    if low == "j":
+    if low == "j":  # a table of its own
         rows = tables()[letter]
-        end = _of(size, rows[str(grade)]) if str(grade) in rows else math.nan
+        end = _looked_up(size, rows[str(grade)]) if str(grade) in rows else math.nan
         if math.isnan(end):
             only = "6 to 8" if hole else "5 to 7, and 8 up to 3 mm"
             _undefined(size, letter, grade, f"it has the grades {only}")
         return Limits(end - width, end) if hole else Limits(end, end + width)
-    shift = _of(size, tables()["shafts"][low])
+    shift = _looked_up(size, tables()["shafts"][low])
     if math.isnan(shift):
         _undefined(size, letter, grade, "the letter has no deviation for this size")
-    if low <= "h":
+    if low <= "h":  # clearance: EI = -es
         return Limits(0.0 - shift, width - shift) if hole else Limits(shift - width, shift)
     if not hole:
         shift = 0.0 if letter == "k" and not 4 <= grade <= 7 else shift
@@ -119,7 +120,7 @@ def limits(size: float, letter: str, grade: int) -> Limits:
 
 
 def _end_of_hole(size: float, letter: str, grade: int, shift: float) -> float:
-    """Upper deviation ES of a hole of K to ZC, by that of the shaft of its letter [µm]."""
+    """Upper deviation ES of a hole of K to ZC, from the shift of the shaft of its letter [µm]."""
     if grade < 3:
         _undefined(size, letter, grade, "holes of K to ZC have the grades from 3 on")
     near = letter in ("K", "M", "N")
@@ -131,6 +132,7 @@ def _end_of_hole(size: float, letter: str, grade: int, shift: float) -> float:
         return -9.0  # the standard's exception to its rule
     if size <= 3.0 or grade > (8 if near else 7):
         return -shift
+    # The standard's delta: so P7/h6 has the limits of H7/p6, the fit of the same letters.
     return tolerance(size, grade) - tolerance(size, grade - 1) - shift
 
 
@@ -139,7 +141,7 @@ def _undefined(size: float, letter: str, grade: int, why: str) -> NoReturn:
 
 
 def is_fit(text: str) -> bool:
-    """Whether `text` would be a fit, a good or a bad one, rather than a length."""
+    """Whether `text` is meant as a fit, valid or not, rather than a length."""
     try:
         plain_number(text)
     except ValueError:
@@ -152,8 +154,8 @@ def is_fit(text: str) -> bool:
 class Fit:
     """A hole and a shaft of one nominal size: ``Fit("20H7/g6")``.
 
-    Clearances are radial: half of what the diameters differ by. Both diameters are taken as
-    independent and equally likely anywhere within their tolerances.
+    Clearances are radial: half of the difference of the diameters. Both diameters are taken as
+    independent and uniformly distributed within their tolerances.
 
     Raises:
         JointplayError: text that is no fit, or a size, letter or grade that the tables of ISO 286-1
@@ -164,11 +166,11 @@ class Fit:
     size: float = field(init=False, compare=False)
     """Nominal diameter, or width between parallel faces [m]."""
     hole: Limits = field(init=False, compare=False)
-    """EI and ES."""
+    """Limit deviations EI and ES of the hole [µm]."""
     shaft: Limits = field(init=False, compare=False)
-    """ei and es."""
+    """Limit deviations ei and es of the shaft [µm]."""
     grades: tuple[int, int] = field(init=False, compare=False)
-    """Of hole and shaft."""
+    """Grades of hole and shaft."""
 
     def __post_init__(self) -> None:
         size, *parts = _parted(self.text)
@@ -207,6 +209,7 @@ class Fit:
 
     @property
     def _widths(self) -> tuple[float, float]:
+        """Tolerances of hole and shaft [µm]."""
         return self.hole.upper - self.hole.lower, self.shaft.upper - self.shaft.lower
 
     @property
@@ -218,11 +221,11 @@ class Fit:
 
     @property
     def range(self) -> str:
-        """The limits of the clearance, for a line of text."""
+        """The limits of the clearance, in words."""
         return f"{1e6 * self.least:.4g} to {1e6 * self.most:.4g} µm"
 
     def quantile(self, probability: Any) -> Any:
-        """Clearances that so many parts of joints stay below: those of a trapezoid [m]."""
+        """Quantiles of the clearance, whose distribution is a trapezoid [m]."""
         from scipy import stats
 
         inner, outer = sorted(self._widths)
@@ -249,7 +252,7 @@ class Fit:
         )
 
     def alternatives(self) -> tuple[Fit, ...]:
-        """This one, if it is a clearance fit, and those preferred of its size."""
+        """This fit, if it is a clearance fit, and the preferred ones of its size."""
         fits = [self] if self.kind == CLEARANCE else []
         for classes in PREFERRED:
             with suppress(JointplayError):  # up to 1 mm some are not defined
@@ -259,7 +262,7 @@ class Fit:
 
 def _parted(text: object) -> tuple[Any, ...]:
     """Nominal size [mm], and letter and grade of hole and of shaft."""
-    form = f"a fit reads {_EXAMPLE}: nominal size in mm, hole, a slash, shaft"
+    form = 'a fit reads "20H7/g6": nominal size in mm, hole, a slash, shaft'
     match = _FORM.fullmatch("".join(text.split())) if isinstance(text, str) else None
     if match is None:
         raise JointplayError(f"{text!r:.60} is no fit; {form}")

@@ -1,4 +1,4 @@
-"""The pin in a groove, and the follower on a cam: a pin guided by a plane curve of a body."""
+"""The pin in a groove and the follower on a cam: a pin guided by a plane curve of a body."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from jointplay.physics.geometry.curve import Curve, nearest_on_curve, place_word
 from jointplay.physics.joints.base import Outline, SlidingClearance
 
 _SIDES = {"both": ("left", "right"), "left": ("left",), "right": ("right",)}
-"""Walls, by the word for them; left and right of whoever goes along the points."""
+"""The walls by the word that selects them; left and right as seen along the points."""
 _NARROWEST = 1.97
-"""Widths of half a groove that a curve may come back near itself: two, but where it has turned by
-nine tenths of half a turn the tightest circle is as near (`Curve.narrowest`)."""
+"""Least distance at which a curve may pass itself, in half widths of the groove: two, less a margin
+because after nine tenths of half a turn the tightest circle is as near (`Curve.narrowest`)."""
 
 
 def touch(k: Any, pose: Any, p: Any, out: Any) -> None:
-    """Write the gap of contact k, the pin's point of contact from its centre, and the normal.
+    """Write the gap of contact k, the point of contact from the pin's centre, and the normal.
 
     The pin's centre lies s to the left of the curve: the left wall, R_j + C from the curve, is
     C - s away from the pin, the right one C + s. The gradient of s is the curve's normal, so that
@@ -53,13 +53,13 @@ def touch(k: Any, pose: Any, p: Any, out: Any) -> None:
 
 @dataclass(frozen=True, kw_only=True)
 class GrooveClearance(SlidingClearance):
-    """A pin of radius R_j whose centre follows a plane curve of the bearing's body, but for play.
+    """A pin of radius R_j whose centre follows a plane curve of the bearing's body, with play.
 
-    The curve lies in the x-y plane of the bearing frame, z is the pin's axis. Its walls are R_j + C
-    from it: both are a groove or slot, closed by half circles at the ends of an open curve; one is
-    a cam, of which the curve is the pitch curve, with a follower that can lift off. An open cam
-    goes on straight beyond its ends. A roller is a body of its own: put it on a pin, or leave
-    friction out.
+    The curve lies in the x-y plane of the bearing frame, z is the pin's axis. The walls are at the
+    distance R_j + C from it. Both make a groove or slot, closed by half circles at the ends of an
+    open curve; one makes a cam, of which the curve is the pitch curve, with a follower that can
+    lift off. An open cam goes on straight beyond its ends. A roller is a body of its own: put it on
+    a pin, or leave friction out.
 
     Pin and body move in one plane: x, y and yaw are free between them. Without clearance it closes
     loops for budgets and drives, but cannot be simulated: a run with it has no tool error.
@@ -78,19 +78,19 @@ class GrooveClearance(SlidingClearance):
     freedoms: ClassVar[tuple[str, ...]] = ("x", "y", "yaw")
 
     points: Sequence[Sequence[float]] = quantity("m")
-    """Through which the pin's centre goes by a cubic spline, x and y of each in the bearing frame
-    [m]: two or more, of a closed curve three or more."""
+    """Points of the curve, a cubic spline on which the pin's centre runs: x and y of each in the
+    bearing frame [m]; two or more, of a closed curve three or more."""
     closed: bool = False
     """The last point is followed by the first."""
     walls: str = choice("walls", list(_SIDES), default="both")
-    """``both``, a groove, or the one wall of a cam, ``left`` or ``right`` of whoever goes along the
-    points."""
+    """``both``, a groove, or the one wall of a cam, ``left`` or ``right`` as seen along the points.
+    """
     pin_radius: Quantity = quantity("m", default=5e-3, above=0.0, label="pin radius")
-    """R_j [m]."""
+    """Radius R_j of the pin [m]."""
     wall_clearance: Quantity = quantity(
         "m", default=0.1e-3, least=0.0, label="clearance between pin and wall"
     )
-    """C, from the pin to each wall where its centre is on the curve [m]."""
+    """Clearance C between the pin, its centre on the curve, and each wall [m]."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -99,7 +99,7 @@ class GrooveClearance(SlidingClearance):
             self._check_curve()
 
     def _check_curve(self) -> None:
-        """Refuse points that are no curve, and one that its walls do not allow."""
+        """Refuse points that make no curve, and a curve that its walls do not allow."""
         if any(len(point) != 2 for point in self.points):
             raise JointplayError("points have two coordinates each, x and y of the bearing frame")
         object.__setattr__(self, "points", tuple(map(tuple, self.points)))
@@ -122,11 +122,12 @@ class GrooveClearance(SlidingClearance):
 
     @cached_property
     def curve(self) -> Curve:
-        """What the pin's centre follows."""
+        """The curve on which the pin's centre runs."""
         return Curve(self.points, self.closed)
 
     @property
     def _has_ends(self) -> bool:
+        """Whether half circles close the groove."""
         return self.walls == "both" and not self.closed
 
     @property
@@ -142,9 +143,9 @@ class GrooveClearance(SlidingClearance):
         return *head, *numbers
 
     def effective_radius(self, contact: int) -> float:
-        """R of the sphere on a plane that is as stiff, 1/R = 1/R_j + wall's mean curvature [m].
+        """Radius R of the sphere on a plane that is as stiff, 1/R = 1/R_j + wall's curvature [m].
 
-        A wall has one stiffness, for a contact has one law: that of its mean curvature.
+        As a contact has one law, a wall has one stiffness: that for its mean curvature.
         """
         reach, name = self.pin_radius + self.wall_clearance, self.contacts[contact]
         if name == "end":
@@ -170,16 +171,10 @@ class GrooveClearance(SlidingClearance):
         return {}  # it starts where it is put, on its curve
 
     def guided_at(self, centre: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Where the pin would be without clearance, (3, 3) and (3,): x is the curve's direction."""
-        s, tx, ty, beyond = self._nearest(float(centre[0]), float(centre[1]))
-        place = centre + np.array([s * ty - beyond * tx, -s * tx - beyond * ty, -centre[2]])
+        x, y, z = map(float, centre)
+        s, tx, ty, beyond = nearest_on_curve(np.array(self.dimensions), 5, x, y)
+        place = centre + np.array([s * ty - beyond * tx, -s * tx - beyond * ty, -z])
         return np.array([[tx, -ty, 0.0], [ty, tx, 0.0], [0.0, 0.0, 1.0]]), place
-
-    def _nearest(self, x: float, y: float) -> tuple[float, float, float, float]:
-        result: tuple[float, float, float, float] = nearest_on_curve(
-            np.array(self.dimensions), 5, x, y
-        )
-        return result
 
     def ideal_part(self, rotation: np.ndarray, centre: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         return rotation, self.guided_at(centre)[1]

@@ -1,4 +1,4 @@
-"""Materials, pairs that wear, and oils by name; the numbers and their sources are in ``data/``.
+"""Materials, wear pairs and oils by name; the numbers and their sources are in ``data/``.
 
 bearing = jp.RevoluteClearance(..., bearing_material=jp.material("bronze"))
 viscosity = jp.oil("ISO VG 46").viscosity(60.0)  # Pa s
@@ -16,17 +16,18 @@ from jointplay.base.schema import Quantity, check_fields, quantity
 from jointplay.physics.joints.base import Material
 
 ZERO_CELSIUS = 273.15
-"""0 C in K."""
+"""0 °C [K]."""
 THINNEST = 2e-6
 """Kinematic viscosity below which ASTM D341 needs further terms [m^2/s]."""
 
 
 def _word(name: str) -> str:
+    """A name as the tables have it: small letters and hyphens."""
     return name.strip().lower().replace(" ", "-").replace("_", "-")
 
 
 def _entry(name: str) -> tuple[str, dict[str, Any]]:
-    """A material's word and numbers."""
+    """A material's name in the table, and its numbers."""
     table = shipped_table(__file__, "materials")
     word = table["alias"].get(_word(name), _word(name))
     if word not in table["material"]:
@@ -35,7 +36,7 @@ def _entry(name: str) -> tuple[str, dict[str, Any]]:
 
 
 def materials(aliases: bool = False) -> list[str]:
-    """Names that `material` knows, with or without other words for the same."""
+    """Names that `material` knows, with or without their synonyms."""
     table = shipped_table(__file__, "materials")
     return [*table["material"], *(table["alias"] if aliases else ())]
 
@@ -43,7 +44,7 @@ def materials(aliases: bool = False) -> list[str]:
 def material(name: str) -> Material:
     """A material such as ``phosphor-bronze``: typical E, nu and density at room temperature.
 
-    Capitals do not matter, nor whether words are parted by a space, a hyphen or an underscore.
+    Capitals do not matter, nor whether words are separated by spaces, hyphens or underscores.
 
     Raises:
         MissingName: no such material; the message lists those there are.
@@ -54,7 +55,7 @@ def material(name: str) -> Material:
 
 
 def source(name: str) -> str:
-    """Word for the source of a material's numbers, explained in ``data/materials.toml``.
+    """Key of the source of a material's numbers, explained in ``data/materials.toml``.
 
     Raises:
         MissingName: no such material.
@@ -69,13 +70,13 @@ class WearPair:
     bodies: tuple[str, str]
     """The body that wears, and the one it slides on."""
     coefficient: float
-    """K of V = K F s/H."""
+    """Wear coefficient K of V = K F s/H."""
     hardness: float
-    """H of the body that wears [Pa]."""
+    """Hardness H of the body that wears [Pa]."""
 
     @property
     def specific(self) -> float:
-        """k = K/H of V = k F s [1/Pa], which is m^3/(N m)."""
+        """Specific wear rate k = K/H of V = k F s [1/Pa], which is m^3/(N m)."""
         return self.coefficient / self.hardness
 
 
@@ -88,7 +89,7 @@ def wear_pairs() -> list[tuple[str, str]]:
 
 
 def wear_pair(worn: str, counterface: str) -> WearPair:
-    """Archard coefficients of what wears and what it slides on, an order of magnitude.
+    """Archard coefficients of a body that wears on its counterface, an order of magnitude.
 
     Raises:
         MissingName: no such pair; the message lists those there are.
@@ -113,13 +114,13 @@ class Oil:
 
     name: str
     kinematic_40: Quantity = quantity("m^2/s", above=0.0, label="kinematic viscosity at 40 C")
-    """nu at 40 C [m^2/s]."""
+    """Kinematic viscosity nu at 40 C [m^2/s]."""
     kinematic_100: Quantity = quantity("m^2/s", above=0.0, label="kinematic viscosity at 100 C")
-    """nu at 100 C [m^2/s]."""
+    """Kinematic viscosity nu at 100 C [m^2/s]."""
     density_40: Quantity = quantity("kg/m^3", default=870.0, above=0.0, label="density")
-    """rho at 40 C [kg/m^3]."""
+    """Density rho at 40 C [kg/m^3]."""
     expansion: Quantity = quantity("1/K", default=7e-4)
-    """Relative fall of the density with temperature [1/K]."""
+    """Relative decrease of the density per temperature [1/K]."""
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -130,7 +131,7 @@ class Oil:
             )
 
     def kinematic_viscosity(self, celsius: float) -> float:
-        """Return nu at a temperature [m^2/s].
+        """Kinematic viscosity nu at a temperature [m^2/s].
 
         Raises:
             JointplayError: no temperature, or one at which the oil is thinner than 2 mm^2/s or
@@ -154,12 +155,12 @@ class Oil:
         return nu
 
     def density(self, celsius: float) -> float:
-        """Return rho at a temperature, linear about 40 C [kg/m^3]."""
+        """Density rho at a temperature, linear about 40 C [kg/m^3]."""
         celsius = require_finite("temperature", celsius, "C")
         return self.density_40 * (1.0 - self.expansion * (celsius - 40.0))
 
     def viscosity(self, celsius: float) -> float:
-        """Dynamic viscosity eta = rho nu [Pa s]; errors as of `kinematic_viscosity`."""
+        """Dynamic viscosity eta = rho nu [Pa s]; it raises as `kinematic_viscosity`."""
         return self.density(celsius) * self.kinematic_viscosity(celsius)
 
 
@@ -169,7 +170,7 @@ def oils() -> list[str]:
 
 
 def oil(name: str) -> Oil:
-    """Return an oil by its ISO viscosity grade, such as ``ISO VG 46`` or ``iso-vg-46``.
+    """The oil of an ISO viscosity grade, such as ``ISO VG 46`` or ``iso-vg-46``.
 
     Raises:
         MissingName: no such oil; the message lists those there are.

@@ -1,6 +1,7 @@
-"""What the clearance of a joint lets its journal do while it touches nothing: convex sets.
+"""Play: the convex set of displacements that a joint's clearance allows its journal.
 
-Each is known by its support function, the farthest that a load can push the journal.
+A set is known by its support function: how far a load can push the journal, and to which point.
+There the journal touches; `Play.pressed` gives the contacts and their forces against the load.
 """
 
 from __future__ import annotations
@@ -22,30 +23,31 @@ if TYPE_CHECKING:
     from jointplay.physics.joints.base import Outline
 
 _SEARCHES, _EXACT, _ROUNDING = 60, 1e-8, 1e-12
-"""Most steps of a search; the last one's length, of which the square remains (Newton's method), and
-how near to its end it begins, relative to a bore's radius."""
+"""Of the search for the rims' distance, relative to the bore's radius: most Newton steps; length of
+the last step, whose square is the error that remains; distance from the upper end where it starts.
+"""
 _NOTHING = 1e-9
 """Part of a load, or of a clearance, that is rounding."""
 _TOUCHES = 1.0 - 1e-6
-"""Part of its clearance at which a journal touches: the support function's point is exact but for
-rounding, and of 30,000 loads 1e-10 to 1e-5 name the same contacts."""
+"""Part of its clearance from which on a journal touches: the support function's point is exact but
+for rounding, and margins of 1e-10 to 1e-5 give the same contacts for 30,000 loads."""
 DRAWS = 4000
-"""States by which the variance of a play is found."""
+"""States drawn for the covariance of a play."""
 _FAR = 100.0
-"""Clearances that a journal without end walls is granted along its axis, in `Play.cones`."""
+"""Travel along its axis, in clearances, of a journal without end walls in `Play.cones`."""
 
 
 class Support(NamedTuple):
     """Support function of a joint's play, and where it is attained."""
 
     value: np.ndarray
-    """F . c + M . phi, shape (n,) [J for loads in N and N m]."""
+    """Largest F . c + M . phi in the set, shape (n,) [J for loads in N and N m]."""
     point: np.ndarray
-    """Displacement c [m] and rotation phi [rad], shape (n, 6)."""
+    """Displacement c [m] and rotation phi [rad] that attain it, shape (n, 6)."""
 
 
 class Cone(NamedTuple):
-    """What coordinates y, shape (m,), must keep to: |across @ y + centre| <= room - along . y."""
+    """Second-order cone of coordinates y, shape (m,): |across @ y + centre| <= room - along . y."""
 
     across: np.ndarray
     """Shape (k, m); no rows for a plane wall."""
@@ -57,39 +59,39 @@ class Cone(NamedTuple):
 
 
 class Cones(NamedTuple):
-    """A play as what some cones have in common: displacements `spread` @ y."""
+    """A play as an intersection of cones: the displacements `spread` @ y with y in all of them."""
 
     spread: np.ndarray
-    """Displacement c [m] and rotation phi [rad] of each coordinate, shape (6, m)."""
+    """Displacement c [m] and rotation phi [rad] per coordinate, shape (6, m)."""
     walls: tuple[Cone, ...]
-    """The coordinates are parts of their clearances: y = 0 lies inside of all."""
+    """The cones. Coordinates are in units of the clearances, and y = 0 lies inside all cones."""
 
 
 class Pressed(NamedTuple):
-    """The k contacts that hold a journal against a load, n of them; about the bearing's centre."""
+    """The k contacts that hold a journal against each of n loads, about the bearing's centre."""
 
     contact: tuple[int, ...]
-    """Which of the joint's `contacts` each is, for its stiffness, length k."""
+    """Index of each among the joint's `contacts`, for its stiffness, length k."""
     force: np.ndarray
     """Normal forces, zero where nothing touches, shape (n, k) [N]."""
     normal: np.ndarray
-    """Force and moment on the journal of a unit normal force, shape (n, k, 6) [1, m]."""
+    """Wrench on the journal of a unit normal force, shape (n, k, 6) [1, m]."""
     across: np.ndarray
-    """The same of unit friction forces along two tangents, shape (n, k, 2, 6)."""
+    """Wrenches on the journal of unit friction forces along two tangents, shape (n, k, 2, 6)."""
     touching: np.ndarray
-    """Which of them touch, if only with no force, shape (n, k)."""
+    """Whether each touches, even without a force, shape (n, k)."""
     patch: np.ndarray
-    """Radius about the axis within which one may push, of a face that lies flat, (n, k) [m]."""
+    """Radius about the axis within which a flat face may push, zero of others, (n, k) [m]."""
     borne: tuple[int, ...]
-    """Components of a load that nothing but the contacts bears."""
+    """Components of a load that only the contacts can bear."""
 
     def subset(self, rows: np.ndarray) -> Pressed:
-        """Some of the n."""
+        """The contacts against some of the n loads."""
         force, normal, across, touching, patch = (array[rows] for array in self[1:6])
         return Pressed(self.contact, force, normal, across, touching, patch, self.borne)
 
     def replaced(self, rows: np.ndarray, by: Pressed) -> Pressed:
-        """With others in the place of some of the n."""
+        """The contacts, those against some of the n loads replaced by others."""
         changed = self.subset(np.arange(len(self.force)))
         for old, new in zip(changed[1:6], by[1:6], strict=True):
             old[rows] = new
@@ -100,7 +102,7 @@ class Play(ABC):
     """The set of small displacements that a joint's play allows; it contains zero."""
 
     excess: float = 0.0
-    """Part by which the set may be larger than the true one, the second order of the play."""
+    """Relative excess of the set over the true one, the second order of the play."""
 
     @abstractmethod
     def support(self, loads: np.ndarray) -> Support:
@@ -113,10 +115,10 @@ class Play(ABC):
 
     @property
     def cones(self) -> Cones:
-        """The set itself, for plays in a closed loop, which hold each other.
+        """The set as an intersection of cones, for plays that a closed loop ties to each other.
 
         Raises:
-            JointplayError: a kind of play that does not say.
+            JointplayError: a kind of play that does not define it.
         """
         raise JointplayError(
             f"{type(self).__name__} does not give the cones that bound it, which a closed loop "
@@ -124,42 +126,44 @@ class Play(ABC):
         )
 
     def pressed(self, loads: np.ndarray, point: np.ndarray) -> Pressed | None:
-        """The contacts at the points (n, 6) where `support` has the journal under loads (n, 6).
+        """The contacts at the points (n, 6) to which loads (n, 6) push the journal in `support`.
 
-        None for a kind of play that does not say: then friction can hold its journal anywhere.
+        None for a kind of play that does not define them: then friction can hold it anywhere.
         """
         return None
 
     def draw(self, random: np.random.Generator, count: int) -> np.ndarray:
-        """Where loads of random direction push, shape (count, 6)."""
+        """Points to which loads of random direction push the journal, shape (count, 6)."""
         aside, angle = self.reach
         if aside == 0.0 and angle == 0.0:
             return np.zeros((count, 6))
         arm = aside / angle if angle > 0.0 and aside > 0.0 else 1.0
         loads = random.normal(size=(count, 6)) * ([1.0] * 3 + [arm] * 3)
-        loads[:, 5] = 0.0  # the drive bears what turns about the axis
+        loads[:, 5] = 0.0  # the drive bears the moment about the axis
         return self.support(loads).point
 
     @cached_property
     def covariance(self) -> np.ndarray:
-        """Of `draw`, about zero, shape (6, 6)."""
+        """Second moments of the points of `draw`, shape (6, 6)."""
         states = self.draw(np.random.default_rng(0), DRAWS)
         return np.asarray(states.T @ states / DRAWS)
 
 
 @dataclass(frozen=True)
 class JournalPlay(Play):
-    """A journal in a bore: a disc across, a way along, and a lean that is coupled with both.
+    """A journal in a bore: displacement in a disc and along the axis, coupled with a lean.
 
-    The maximum over the two rims' centres has four candidates, each of which can be reached: no
-    lean; both rims on the bore, leaning in between or as far as the walls let them; one rim on the
-    bore, and the other inside as far from it as the walls let it.
+    The set is described by the centres of the two rims, p and q, each in the disc of radius C_r:
+    the displacement is (p + q) / 2, the lean (p - q) / L_j, and a lean takes R_j |p - q| / L_j of
+    the axial clearance. The load's work is largest at one of four candidates: no lean; both rims on
+    the bore, leaning less than the walls allow or as far as they do; one rim on the bore, the other
+    inside, as far away as the walls allow.
     """
 
     across: float
     """C_r, widened by the second order [m]."""
     along: float
-    """C_a, likewise; infinite without end walls, zero if locked [m]."""
+    """C_a, widened by the second order; infinite without end walls, zero if locked [m]."""
     length: float
     """L_j; infinite if the journal cannot lean [m]."""
     rim: float
@@ -167,16 +171,22 @@ class JournalPlay(Play):
     excess: float = 0.0
     """Part of the clearances by which they were widened."""
     radius: float = 0.0
-    """R_j again, the arm of friction along the axis, which acts without walls too [m]."""
+    """R_j [m] also without walls, the arm of friction along the axis."""
 
     @property
     def reach(self) -> tuple[float, float]:
-        """To the corner of disc and way; rims on opposite sides, or at the walls."""
+        """Displacement to the edge of the disc at an end wall; lean with rims on opposite sides of
+        the bore, or at the walls.
+        """
         along = 0.0 if math.isinf(self.along) else self.along
-        return math.hypot(self.across, along), self._lean
+        bore = 2.0 * self.across / self.length
+        return math.hypot(self.across, along), min(
+            bore, self.along / self.rim
+        ) if self.rim else bore
 
     @property
     def cones(self) -> Cones:
+        """In coordinates of the rims' centres, and of the axial displacement if there is any."""
         axial = _FAR * self.across if math.isinf(self.along) else self.along
         leans = not math.isinf(self.length)
         count = (4 if leans else 2) + (axial > 0.0)
@@ -195,13 +205,8 @@ class JournalPlay(Play):
             walls += [Cone(apart, side * np.eye(count)[-1], 1.0) for side in (1.0, -1.0)]
         return Cones(spread, tuple(walls))
 
-    @property
-    def _lean(self) -> float:
-        bore = 2.0 * self.across / self.length
-        return bore if self.rim == 0.0 else min(bore, self.along / self.rim)
-
     def support(self, loads: np.ndarray) -> Support:
-        """The best of four candidates.
+        """See `Play.support`.
 
         Raises:
             JointplayError: a load along an axis on which nothing limits the journal.
@@ -223,6 +228,7 @@ class JournalPlay(Play):
             point[:, :2] = self.across * _unit(push)
             point[:, 2] = axial_room * np.sign(axial)
             return Support(np.einsum("ij,ij->i", loads, point), point)
+        # The load as forces at the centres of the rims at +L_j/2 and -L_j/2.
         bend = np.column_stack([loads[:, 4], -loads[:, 3]]) / self.length
         near, far = push / 2.0 + bend, push / 2.0 - bend
         p, q = self._rims(near, far, np.abs(axial) * self.rim / self.length)
@@ -236,7 +242,7 @@ class JournalPlay(Play):
     def pressed(self, loads: np.ndarray, point: np.ndarray) -> Pressed:
         """Rims A and B on the bore, then the walls at ends A and B; see `Play.pressed`.
 
-        A journal that cannot lean has one line of contact in the place of two rims.
+        A journal that cannot lean has one line of contact instead of two rims.
         """
         loads = np.asarray(loads, float).reshape(-1, 6)
         walled, leans = 0.0 < self.along < math.inf, not math.isinf(self.length)
@@ -259,10 +265,15 @@ class JournalPlay(Play):
         return Pressed(which, force, normal, across, touching, patch, borne)
 
     def _on_bore(self, outward: np.ndarray, height: float) -> tuple[np.ndarray, ...]:
-        """Contact of a rim: wrenches of unit forces, normal (n, 6) and along two tangents (n, 2,
-        6); whether it touches (n,); radius of its patch (n,), none.
+        """Contact of a rim with the bore.
 
-        Of rims at a height, whose unit directions outward are zero where they do not touch, (n, 2).
+        Args:
+            outward: unit direction of the contact across the axis, zero without one, (n, 2).
+            height: position of the rim along the axis [m].
+
+        Returns:
+            Wrenches of a unit normal force, (n, 6), and of unit forces along two tangents, (n, 2,
+            6); whether it touches, (n,); radius of its patch, zero, (n,) [m].
         """
         n, e_z = len(outward), np.array([0.0, 0.0, 1.0])
         out = np.column_stack([outward, np.zeros(n)])
@@ -275,9 +286,12 @@ class JournalPlay(Play):
     def _on_wall(
         self, side: float, lean: np.ndarray, point: np.ndarray, height: float
     ) -> tuple[np.ndarray, ...]:
-        """The same of a face on the wall at the end on this `side`, which leans so, (n, 2)."""
+        """Contact of a face with the wall at the end on this `side`; returns as `_on_bore`.
+
+        `lean` is the unit direction in which the journal leans, zero if it is straight, (n, 2).
+        """
         n, e_z = len(lean), np.array([0.0, 0.0, 1.0])
-        # A wall meets the leaning face where its rim stands highest; a straight one lies flat.
+        # The wall meets a leaning face at the highest point of its rim; a straight one lies flat.
         highest = self.rim * np.column_stack([lean, np.zeros(n)])
         normal = np.hstack([np.broadcast_to([0.0, 0.0, -side], (n, 3)), np.cross(highest, e_z)])
         across = np.eye(3)[:2]
@@ -290,15 +304,16 @@ class JournalPlay(Play):
     def _borne_leaning(
         self, loads: np.ndarray, point: np.ndarray, walled: bool
     ) -> tuple[list[np.ndarray], np.ndarray, list[np.ndarray]]:
-        """Where both rims of a journal that can lean touch, and what rims and walls bear.
+        """Contacts of a journal that can lean, and the forces of rims and walls.
 
-        The load on each rim's centre is balanced by the bore, N u outward, and by the walls, which
+        The load at each rim's centre is balanced by the bore, N u outward, and by the walls, which
         resist leaning in the direction s:
 
             near = N_A u_A + h s,  far = N_B u_B - h s,  h = (sum of the walls' forces) R / L
 
-        Returns the directions u of both rims, zero for one that does not touch, each (n, 2); s,
-        zero without lean, (n, 2); the four forces, each (n,) [N].
+        Returns:
+            The directions u of both rims, zero for one that does not touch, each (n, 2); s, zero
+            without lean, (n, 2); the forces of rims A and B and walls A and B, each (n,) [N].
         """
         up, down = (np.maximum(side * loads[:, 2], 0.0) * walled for side in (1.0, -1.0))
         half, bend = loads[:, :2] / 2.0, np.column_stack([loads[:, 4], -loads[:, 3]])
@@ -316,7 +331,7 @@ class JournalPlay(Play):
         hold = (up + down) * self.rim / self.length
         widest = self.length * self.along / self.rim if walled and self.rim > 0.0 else math.inf
         (most,) = np.nonzero(apart >= _TOUCHES * widest)
-        if len(most):  # both walls hold the lean: least squares find their share
+        if len(most):  # both walls stop the lean: least squares find h
             zero = np.zeros((len(most), 2))
             columns = np.stack(
                 [
@@ -333,7 +348,7 @@ class JournalPlay(Play):
             up[most], down[most] = (0.5 * (walls_force + k * loads[most, 2]) for k in (1.0, -1.0))
         on_a = np.maximum(((near - hold[:, None] * lean) * u_a).sum(axis=1), 0.0)
         on_b = np.maximum(((far + hold[:, None] * lean) * u_b).sum(axis=1), 0.0)
-        # Without lean both rims lie at one azimuth, and bear together what is pressed there.
+        # Without lean both rims touch at one azimuth, and share the force there.
         together = np.maximum(((near + far) * u_a).sum(axis=1), 0.0)
         on_a = np.where(straight, np.minimum(on_a, together), on_a)
         on_b = np.where(straight, np.maximum(together - on_a, 0.0), on_b)
@@ -346,11 +361,12 @@ class JournalPlay(Play):
         most = math.asin(min(1.0, widest / (2.0 * radius)))
         dot = np.einsum("ij,ij->i", near, far)
         cross = near[:, 0] * far[:, 1] - near[:, 1] * far[:, 0]
-        # Half the angle between the rims: turned to each other, loads could add up most at `goal`.
+        # Rims on the bore, `half` the angle between them. Without walls `goal`, half the angle
+        # between the loads, is best; walls limit it, or make it pay less.
         side = np.where(cross > 0.0, 1.0, -1.0)
         goal = 0.5 * np.arctan2(np.abs(cross), dot)
         half = np.minimum(goal, most)
-        # Where the end wall holds, leaning pays if no share of the load balances it at both rims.
+        # Against an axial force leaning pays only if -near and far, and all between, exceed `hold`.
         half = np.where(_distance(-near, far) <= hold, np.where(hold > 0.0, 0.0, half), half)
         (some,) = np.nonzero((hold > 0.0) & (half > 0.0))
         half[some] = _largest(near[some], far[some], hold[some], half[some])
@@ -358,7 +374,7 @@ class JournalPlay(Play):
         p, q = radius * _turn(middle, -side * half), radius * _turn(middle, side * half)
         best = np.einsum("ij,ij->i", near, p) + np.einsum("ij,ij->i", far, q)
         best -= hold * np.linalg.norm(p - q, axis=1)
-        if widest < 2.0 * radius:
+        if widest < 2.0 * radius:  # or one rim inside the bore, as far away as the walls allow
             middle = radius * _unit(near + far)
             for first in (True, False):
                 away = middle + widest * _unit(near if first else far)
@@ -375,7 +391,7 @@ class JournalPlay(Play):
 
 @dataclass(frozen=True)
 class BallPlay(Play):
-    """A ball in a socket: it is displaced any way; what holds its rotation is not the socket."""
+    """A ball in a socket: displaced in any direction; the socket does not hold its rotation."""
 
     radius: float
     """C [m]."""
@@ -408,10 +424,10 @@ class BallPlay(Play):
 
 @dataclass(frozen=True)
 class BlockPlay(Play):
-    """A slider in a guide: |c_x| + l/2 |phi_y| + h/2 |phi_z| <= C_x, and likewise across y."""
+    """A slider in a guide: |c_x| + l/2 |phi_y| + h/2 |phi_z| <= C_x, and the same across y."""
 
     clearances: tuple[float, float]
-    """Across x and y, widened by the second order; zero where there is none [m]."""
+    """C_x and C_y, widened by the second order; zero where there is none [m]."""
     arms: tuple[float, float, float]
     """Half width (x), half height (y), half length (z) of the slider [m]."""
     turns: tuple[bool, bool, bool]
@@ -421,6 +437,8 @@ class BlockPlay(Play):
 
     @property
     def cones(self) -> Cones:
+        """Plane walls, one for each choice of signs in the two inequalities."""
+        # Coordinates: displacement of each, and the part of C_x and C_y that one unit takes.
         parts: list[tuple[np.ndarray, list[float]]] = []
         for place, size in ((0, self.clearances[0]), (1, self.clearances[1])):
             if size > 0.0:
@@ -447,6 +465,7 @@ class BlockPlay(Play):
 
     @property
     def _yaw(self) -> float:
+        """Largest rotation about z [rad]."""
         x, y = self.clearances
         return min(x / self.arms[1], y / self.arms[0]) if self.turns[2] else 0.0
 
@@ -457,6 +476,7 @@ class BlockPlay(Play):
         return math.hypot(x, y), math.hypot(lean, self._yaw)
 
     def support(self, loads: np.ndarray) -> Support:
+        """At a corner of the set: without yaw or with all, then a shift or a lean on each axis."""
         loads = np.asarray(loads, float).reshape(-1, 6)
         best = Support(np.full(len(loads), -np.inf), np.zeros((len(loads), 6)))
         for yaw in sorted({0.0, self._yaw}):
@@ -478,7 +498,7 @@ class BlockPlay(Play):
         return best
 
     def pressed(self, loads: np.ndarray, point: np.ndarray) -> Pressed:
-        """Corners on walls, their forces by least squares."""
+        """The slider's corners on the walls, their forces by non-negative least squares."""
         from scipy.optimize import nnls  # takes long to import
 
         loads = np.asarray(loads, float).reshape(-1, 6)
@@ -496,7 +516,7 @@ class BlockPlay(Play):
                 rooms.append(self.clearances[axis])
         normals, room = np.array(normal), np.array(rooms)
         close = -point @ normals.T >= room - 1e-6 * room.max()
-        # What nothing but the walls bears; angles on arms.
+        # Components of a load that only the walls bear, moments divided by an arm.
         bears = np.array([size > 0.0 for size in self.clearances] + [False] + [*self.turns])
         weight = np.where(bears, [1.0] * 3 + [1.0 / self.arms[2]] * 3, 0.0)
         force = np.zeros((len(loads), len(normals)))
@@ -516,10 +536,10 @@ class BlockPlay(Play):
 
 
 def play_within(outline: Outline, freedoms: Sequence[str], second_order: bool) -> Play:
-    """Play of a journal of this outline, which has these freedoms in its bearing.
+    """Play of a journal of this outline with these freedoms in its bearing.
 
-    To second order the clearances are widened by what leaning or turning adds to them, which is
-    found by iteration.
+    To second order, leaning and turning widen the clearances; the widened ones, which allow more
+    leaning and turning, are found by iteration.
     """
     if outline.form == "ball":
         return BallPlay(outline.room[0])  # exact in every order
@@ -529,7 +549,7 @@ def play_within(outline: Outline, freedoms: Sequence[str], second_order: bool) -
 
 
 def _journal_play(outline: Outline, freedoms: Sequence[str], second_order: bool) -> JournalPlay:
-    """A journal in a bore."""
+    """Play of a journal in a bore, at the deepest wear of the bore."""
     radius, half, walls = outline.size[0], outline.size[2], outline.walls
     across = outline.room[0] + max((max(row) for row in outline.worn), default=0.0)
     along = outline.room[2] if walls else math.inf if "z" in freedoms else 0.0
@@ -550,7 +570,7 @@ def _journal_play(outline: Outline, freedoms: Sequence[str], second_order: bool)
 
 
 def _block_play(outline: Outline, freedoms: Sequence[str], second_order: bool) -> BlockPlay:
-    """A slider in a guide."""
+    """Play of a slider in a guide."""
     sizes = outline.room[0], outline.room[1] if outline.walls else 0.0
     free = "roll" in freedoms, "pitch" in freedoms, "yaw" in freedoms
     block = BlockPlay(sizes, outline.size, free)
@@ -579,7 +599,7 @@ def _turn(vectors: np.ndarray, angle: np.ndarray) -> np.ndarray:
 
 
 def _distance(start: np.ndarray, end: np.ndarray) -> np.ndarray:
-    """Distance of the straight ways between points of the plane, (n, 2) each, from its origin."""
+    """Distance of the segments between points of the plane, (n, 2) each, from its origin, (n,)."""
     step = end - start
     length = (step**2).sum(axis=1)
     product = (start * step).sum(axis=1)
@@ -588,11 +608,11 @@ def _distance(start: np.ndarray, end: np.ndarray) -> np.ndarray:
 
 
 def _largest(near: np.ndarray, far: np.ndarray, hold: np.ndarray, most: np.ndarray) -> np.ndarray:
-    """Half the angle between the rims, 0 to `most`, at which the load gains most, (n,) [rad].
+    """Half the angle between the rims, 0 to `most`, that maximises the load's work, (n,) [rad].
 
-    For a bore of radius one. What can be gained with the rims no farther apart than a length is a
-    concave function of it. While one of them stays inside the bore it rises as that one's load;
-    beyond, by Newton's steps in brackets, it is followed to where it rises as `hold`.
+    For a bore of radius one. The work with the rims no farther apart than a length is a concave
+    function of that length. While one rim stays inside the bore its slope is the load on that rim;
+    beyond, Newton steps in brackets find the length at which the slope is `hold`.
     """
     dot = (near * far).sum(axis=1)
     cross = np.abs(near[:, 0] * far[:, 1] - near[:, 1] * far[:, 0])
@@ -606,6 +626,7 @@ def _largest(near: np.ndarray, far: np.ndarray, hold: np.ndarray, most: np.ndarr
             fits = np.where(inside > 0.0, inside / (sums * size), 0.0)
         low = np.where(size > hold, np.maximum(low, np.minimum(fits, high)), low)
     apart = (1.0 - _ROUNDING) * high
+    # gain(apart), its slope `rise`, and the derivative of that, `fall`, of two rims on the bore.
     for _ in range(_SEARCHES):
         cosine = np.sqrt(1.0 - 0.25 * apart * apart)
         twice = 1.0 - 0.5 * apart * apart
@@ -617,7 +638,7 @@ def _largest(near: np.ndarray, far: np.ndarray, hold: np.ndarray, most: np.ndarr
             trial = apart + (rise - hold) / fall
         on = rise > hold
         low, high = np.where(on, apart, low), np.where(on, high, apart)
-        trial = np.where(trial >= low, trial, low + 0.5 * _EXACT)  # where it may have to stay
+        trial = np.where(trial >= low, trial, low + 0.5 * _EXACT)  # the solution may be at `low`
         trial = np.where(trial <= high, trial, 0.5 * (low + high))
         moved, apart = np.abs(trial - apart).max(initial=0.0), trial
         if moved <= _EXACT:

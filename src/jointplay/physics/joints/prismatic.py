@@ -27,8 +27,8 @@ class PrismaticClearance(SlidingClearance):
     """A block-shaped slider (the journal) in a straight guide (the bearing) that is longer.
 
     z is the direction of sliding. Each of the slider's eight corners can touch the walls across x
-    and across y; face contact is that of four corners, edge contact that of two. Reference for
-    the planar case: P. Flores, R. Leine, C. Glocker, Multibody System Dynamics 23 (2010) 165-190.
+    and across y; a face touches with four corners, an edge with two. Reference for the planar case:
+    P. Flores, R. Leine, C. Glocker, Multibody System Dynamics 23 (2010) 165-190.
 
     Raises:
         JointplayError: a dimension that is not positive, or a clearance that leaves no slider.
@@ -41,17 +41,17 @@ class PrismaticClearance(SlidingClearance):
     fit_size: ClassVar[tuple[str, float] | None] = ("width", 1.0)
 
     length: Quantity = quantity("m", default=80e-3, above=0.0, label="slider length")
-    """Of the slider, along z [m]."""
+    """Length of the slider, along z [m]."""
     width: Quantity = quantity("m", default=40e-3, above=0.0, label="slider width")
-    """Of the slider, along x [m]."""
+    """Width of the slider, along x [m]."""
     height: Quantity = quantity("m", default=40e-3, above=0.0, label="slider height")
-    """Of the slider, along y [m]."""
+    """Height of the slider, along y [m]."""
     clearance: OptionalQuantity = quantity("m", default=None, least=0.0, label="slider clearance")
-    """On each side, across x [m]; 0: an ideal joint; None: that of the fit."""
+    """Clearance on each side across x [m]; 0: an ideal joint; None: that of the fit."""
     clearance_y: OptionalQuantity = quantity(
         "m", default=None, least=0.0, label="slider clearance across y"
     )
-    """On each side, across y [m]; None takes that across x, 0 is `planar`."""
+    """Clearance on each side across y [m]; None takes that across x, 0 is `planar`."""
     corner_radius: Quantity = quantity("m", default=1e-3, above=0.0, label="slider corner radius")
     """Rounding of the corners [m]: each touches as a sphere on a plane."""
     lock_tilt: bool = False
@@ -80,8 +80,9 @@ class PrismaticClearance(SlidingClearance):
                 )
 
     def at_clearance(self, size: float) -> Self:
-        same = [name for name, play in self.clearances.items() if play == self.cx]
-        return self.with_clearances(dict.fromkeys(same, size))
+        """The slider with another clearance across x [m], and across y if they were equal."""
+        equal = [name for name, play in self.clearances.items() if play == self.cx]
+        return self.with_clearances(dict.fromkeys(equal, size))
 
     @property
     def cx(self) -> float:
@@ -107,7 +108,7 @@ class PrismaticClearance(SlidingClearance):
 
     @property
     def _places(self) -> list[tuple[str, tuple[float, float, float], int, float]]:
-        """Name, point on the slider [m], wall's axis (0: x, 1: y) and side of each contact."""
+        """Name, point on the slider [m], axis of the wall (0: x, 1: y) and side of each contact."""
         half = (self.width / 2, self.height / 2, self.length / 2)
         places = []
         for wall in (0,) if self.planar else (0, 1):

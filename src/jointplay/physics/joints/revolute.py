@@ -18,18 +18,17 @@ from jointplay.physics.geometry import Shape
 from jointplay.physics.joints import base
 
 LEAST_AZIMUTHS = 16
-"""A worn profile must have at least this many azimuths."""
+"""Least number of azimuths of a worn profile."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class RevoluteClearance(base.RoundClearance):
     """A journal of radius R_j and length L_j in a bearing of radius R_i and length L_i.
 
-    Give the bearing and either the clearances or the journal; whatever is missing is derived
-    from C_r = R_i - R_j (eq. 1) and C_a = (L_i - L_j)/2 (eqs 2, 3). An axial clearance of which
-    nothing is said equals the radial one. Both may be given if they agree. Where nothing limits the
-    journal along the axis (`lock_axial` or `open_ends`) it is as long as the bearing unless its
-    length is given.
+    Give the bearing and either the clearances or the journal; the others are derived from
+    C_r = R_i - R_j (eq. 1) and C_a = (L_i - L_j)/2 (eqs 2, 3). Both may be given if they agree. An
+    axial clearance that is not given equals the radial one. Without end walls (`lock_axial` or
+    `open_ends`) the journal is as long as the bearing unless its length is given.
 
     Raises:
         JointplayError: a dimension that is missing, not positive, contradictory or impossible.
@@ -44,31 +43,33 @@ class RevoluteClearance(base.RoundClearance):
     }
 
     bearing_length: Quantity = quantity("m", default=40e-3, above=0.0, label="bearing length")
-    """L_i, between the end walls [m]."""
+    """Bearing length L_i between the end walls [m]."""
     axial_clearance: OptionalQuantity = quantity("m", default=None, label="axial clearance")
-    """C_a, on each side [m]; None takes C_r unless `journal_length` is given; 0 is `lock_axial`."""
+    """Axial clearance C_a on each side [m]; None takes C_r unless `journal_length` is given; 0 is
+    `lock_axial`."""
     journal_length: OptionalQuantity = quantity("m", default=None, label="journal length")
-    """L_j [m]."""
+    """Journal length L_j [m]."""
     axial_stiffness: OptionalQuantity = quantity(
         "N/m^1.5", default=None, above=0.0, label="axial stiffness"
     )
     """Hertz stiffness of the axial contacts [N/m^1.5]; None takes the radial one."""
     lock_tilt: bool = False
-    """The axes stay parallel: one radial contact along the whole journal, axial ones on faces."""
+    """The axes stay parallel: one radial contact along the whole journal, axial contact of faces.
+    """
     lock_axial: bool = False
     """The journal does not move along the bearing's axis, and touches no end wall."""
     open_ends: bool = False
-    """No end walls; a run ends where none of the journal is left in the bearing."""
+    """No end walls; a run ends when the journal has left the bearing."""
     lubricant: FilmLaw | None = None
     """Oil between journal and bore; None for a dry joint. End walls stay dry."""
     wear_rate: OptionalQuantity = quantity("m^3/(N*m)", default=None, above=0.0, label="wear rate")
-    """Specific wear rate of the bearing K/H [m^3/(N m)]; None: it does not wear (`wear`)."""
+    """Specific wear rate of the bearing K/H [m^3/(N m)]; None: it does not wear."""
     journal_wear_rate: OptionalQuantity = quantity(
         "m^3/(N*m)", default=None, above=0.0, label="wear rate of the journal"
     )
     """Specific wear rate of the journal K/H [m^3/(N m)]; None: it does not wear."""
     worn: Sequence[float] | Sequence[Sequence[float]] | None = quantity("m", default=None)
-    """How deep the bore is worn at equal azimuths from the bearing's x axis [m].
+    """Depth of wear of the bore at equal azimuths from the bearing's x axis [m].
 
     At least `LEAST_AZIMUTHS` of them; two rows, for ends A and B of the bore, or one for both.
     """
@@ -79,7 +80,7 @@ class RevoluteClearance(base.RoundClearance):
             object.__setattr__(self, "axial_clearance", self.cr)
         if self.axial_clearance == 0.0 and self.walls:
             object.__setattr__(self, "lock_axial", True)
-        # Zero is what was derived below when a result's description is read back.
+        # Zero without walls was derived below: a result's description is being read back.
         if self.walls or self.axial_clearance:
             sizes = self.axial_clearance, self.bearing_length, self.journal_length
             lengths = base.complete(*sizes, 2.0, ("axial", "length"))
@@ -144,7 +145,7 @@ class RevoluteClearance(base.RoundClearance):
 
     @classmethod
     def planar(cls, **fields: object) -> RevoluteClearance:
-        """The literature's classic: tilt and axial motion locked, one radial contact."""
+        """The planar joint of the literature: tilt and axial motion locked, one radial contact."""
         return cls(lock_tilt=True, lock_axial=True, **fields)  # type: ignore[arg-type]
 
     @property
@@ -166,33 +167,33 @@ class RevoluteClearance(base.RoundClearance):
 
     @property
     def li(self) -> float:
-        """L_i [m]."""
+        """Bearing length L_i [m]."""
         return self.bearing_length
 
     @property
     def lj(self) -> float:
-        """L_j [m]."""
+        """Journal length L_j [m]."""
         assert self.journal_length is not None
         return self.journal_length
 
     @property
     def ca(self) -> float:
-        """C_a [m] (eq. 3)."""
+        """Axial clearance C_a [m] (eq. 3)."""
         assert self.axial_clearance is not None
         return self.axial_clearance
 
     @property
     def radial_contact(self) -> ContactProperties:
-        """What the normal-force law needs to know of the radial contacts.
+        """Properties of the radial contacts for the normal-force law.
 
-        A contact of one rim stands for half of the journal's length, one along it for the whole.
+        The contact of one rim stands for half of the journal's length, one along it for the whole.
         """
         length = self.lj if self.lock_tilt else self.lj / 2
         return self.round_contact(journal_length=self.lj, contact_length=length)
 
     @property
     def axial_contact(self) -> ContactProperties:
-        """What the normal-force law needs to know of the axial contacts."""
+        """Properties of the axial contacts for the normal-force law."""
         return self.round_contact(self.axial_stiffness, journal_length=self.lj, contact_length=0.0)
 
     def contact_properties(self, contact: int) -> ContactProperties:
@@ -223,7 +224,7 @@ class RevoluteClearance(base.RoundClearance):
 
     @property
     def _worn_widths(self) -> tuple[float, ...]:
-        """Length of the bore that each radial contact wears: all of it, or half of it [m]."""
+        """Length of the bore that each radial contact wears: the journal's, or half of it [m]."""
         return (self.lj,) if self.lock_tilt else (self.lj / 2, self.lj / 2)
 
     @property

@@ -20,7 +20,7 @@ class SphericalClearance(RoundClearance):
     eqs 11-13, of a sphere in a spherical cavity, is meant for just this geometry. Reference:
     P. Flores, H. M. Lankarani, Nonlinear Dynamics 60 (2010) 99-114.
 
-    In a URDF it replaces a ``floating`` joint, for which URDF has no better word. Its rotation is
+    In a URDF it replaces a ``floating`` joint, as URDF has no closer type. Its rotation is
     described by yaw, pitch and roll about the socket's axes: z should be the axis about which the
     ball turns far, and pitch must stay away from 90 degrees.
 
@@ -63,4 +63,4 @@ class SphericalClearance(RoundClearance):
 
 
 IDEAL_BALL = SphericalClearance(bearing_radius=0.01, radial_clearance=1e-4, ideal=True)
-"""A ball without clearance; its dimensions decide nothing."""
+"""A ball without clearance; its dimensions have no effect."""

@@ -1,4 +1,4 @@
-"""What results say: accuracy, contacts, spectra, numerical error."""
+"""Analysis of results: tool error and its causes, contacts, spectra, rattle, bearing life."""
 
 import lazy_loader
 

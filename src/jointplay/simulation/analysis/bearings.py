@@ -1,4 +1,4 @@
-"""Rolling bearings of a result: loads of their elements, friction, rating life over the motion."""
+"""Contacts of a result, and its rolling bearings: element loads, friction, rating life."""
 
 from __future__ import annotations
 
@@ -20,36 +20,36 @@ if TYPE_CHECKING:
     import xarray as xr
 
 
-# Contacts of a result: how many, how long, how hard, and the shares of time in each mode.
+# Contacts: their number, durations and peaks, and the shares of time in each mode.
 
 
 @dataclass(frozen=True)
 class Contacts:
     """Contacts at one place of one joint, in the order in which they began.
 
-    Records cannot tell contacts apart that follow each other within one record interval, nor time
+    Records cannot separate contacts that follow each other within one record interval, nor time
     them better than to about one interval; peaks are exact.
     """
 
     joint: str
     contact: str
     start: np.ndarray
-    """Record before the contact (n,) [s]."""
+    """Time of the record before each contact (n,) [s]."""
     duration: np.ndarray
     """Record intervals touched less one, the unbiased estimate; at least half an interval [s]."""
     peak: np.ndarray
     """Largest normal force (n,) [N]."""
     peak_time: np.ndarray
-    """Record at which it was held (n,) [s]."""
+    """Time of the record that holds it (n,) [s]."""
     share: float
     """Fraction of the records with a normal force."""
 
 
 def contacts(result: Result, start: float | None = None) -> list[Contacts]:
-    """Contacts of every place of every clearance joint that began from `start` [s] on.
+    """Contacts at every place of every clearance joint that began from `start` [s] on.
 
-    None: from when on the run is judged. A contact lasts from the first to the last of consecutive
-    records that hold a normal force.
+    `start`: None: `Result.judge_from`. A contact lasts from the first to the last of consecutive
+    records with a normal force.
     """
     time = result.time
     if not result.joints:
@@ -88,8 +88,8 @@ def time_fractions(
 ) -> dict[str, float]:
     """Fractions of the time from `start` [s] on that `joint` spends in each ``mode`` or ``form``.
 
-    None: from when on the run is judged. By name, in the order of the enumeration; they sum to 1.
-    Nothing for the forms of a joint that Figure 2 does not show.
+    They are by name, in the order of the enumeration, and sum to 1; none for the forms of a joint
+    that Figure 2 does not show. `start`: None: `Result.judge_from`.
     """
     require_known("clearance joint", joint, result.joints)
     kinds: dict[str, Any] = {"mode": Mode, "form": Form}
@@ -103,8 +103,10 @@ def time_fractions(
     return {member.name.lower(): float(counts[member] / total) for member in kinds[of]}
 
 
+# Rolling bearings.
+
 CENTURY_H = 100 * 365.25 * 24
-"""Hours of a century of running day and night; of a longer life no more is said than that."""
+"""Hours of a century, day and night; a longer life is not stated in numbers."""
 
 
 def rolling_bearings(result: Result) -> dict[str, RollingBearing]:
@@ -128,10 +130,10 @@ def bearing_of(result: Result, joint: str) -> RollingBearing:
 
 
 def element_loads(result: Result, joint: str) -> xr.DataArray:
-    """Load of every element of a rolling bearing over time, by the law, at the recorded places.
+    """Load of every element of a rolling bearing over time, by the law at the recorded poses.
 
     Returns:
-        Dimensions ``time`` and ``element``, row by row from the cage's azimuth on [N].
+        Array (time, element), elements row by row from the cage's azimuth on [N].
     """
     import xarray as xr
 
@@ -150,43 +152,44 @@ def element_loads(result: Result, joint: str) -> xr.DataArray:
 
 @dataclass(frozen=True)
 class BearingLife:
-    """What a motion takes of a rolling bearing's life, and its friction.
+    """Rating life of a rolling bearing under a motion, and its friction.
 
     Basic reference rating life of ISO/TS 16281: 90 % of the bearings last longer, at the rated
-    lubrication and cleanliness of a factor a_ISO = 1. The formulas are those of rings that turn;
-    where they swing by less than the distance of two elements they are not meant.
+    lubrication and cleanliness of a factor a_ISO = 1. The formulas are for rings that turn; they
+    are not meant for rings that swing by less than the distance of two elements.
     """
 
     joint: str
     revolutions: float
     """L10 at the mean loads of this motion; infinite where nothing turns or bears load."""
     hours: float
-    """L10 of repeating this motion [h]; likewise."""
+    """L10 of repeating this motion [h]; infinite where nothing turns or bears load."""
     damage: float
-    """Part of L10 that the motion takes, Palmgren and Miner's sum."""
+    """Part of L10 that the motion takes, by Palmgren and Miner's sum."""
     turned: float
     """Way of the inner ring in the outer one, both directions counted [revolutions]."""
     swing: float
-    """Range of its angle [rad]."""
+    """Range of the inner ring's angle [rad]."""
     spacing: float
     """Angle between two elements [rad]."""
     largest_load: float
-    """Of an element, between records too [N]."""
+    """Largest load of an element, between records too [N]."""
     rated_load: float
-    """Of an element at the bearing's static rating [N]."""
+    """Load of an element at the bearing's static rating [N]."""
     most_loaded: int
-    """Most elements that bore load at a time."""
+    """Largest number of elements that bore load at a time."""
     elements: int
+    """Number of elements."""
     mean_torque: float
     """Friction torque, mean over the way; 0 where nothing turns [N m]."""
     friction_work: float
-    """Lost in friction over the motion [J]."""
+    """Energy lost in friction over the motion [J]."""
     friction_power: float
-    """The same by its duration [W]."""
+    """Mean power lost in friction [W]."""
 
     @property
     def oscillates(self) -> bool:
-        """Whether no element comes to where its neighbour was."""
+        """Whether no element reaches the place of its neighbour."""
         return self.swing < self.spacing
 
     def __str__(self) -> str:
@@ -196,6 +199,7 @@ class BearingLife:
 
     @property
     def lasting(self) -> str:
+        """The life in words."""
         if math.isinf(self.revolutions):
             return "unlimited: it does not turn under load"
         if self.hours > CENTURY_H:
@@ -209,13 +213,13 @@ def bearing_life(
     """Rating life of a rolling bearing over the motion, by its elements' loads at each instant.
 
     The damage is Palmgren and Miner's sum of |turn| / (2 pi L10) with L10 at the loads of that
-    instant; both rings' turns are counted as of one direction.
+    instant; turns of both directions add up.
 
     Args:
-        result: with a rolling bearing.
-        joint: where it is.
+        result: a result with a rolling bearing.
+        joint: joint of the bearing.
         start: records before this are left out [s]; None: before the run is judged.
-        outer_turns: the outer ring turns against the load, not the inner one.
+        outer_turns: whether the outer ring turns against the load, not the inner one.
 
     Raises:
         JointplayError: the joint has no rolling bearing; fewer than two records from `start` on.
@@ -227,7 +231,8 @@ def bearing_life(
     if len(time) < 2:
         raise JointplayError(f"fewer than two records from {start:g} s on: no life can be told")
     loads = element_loads(result, joint).values[judged]
-    # The cage goes around by a fixed part of the ring's turn, also where a loop has no coordinate.
+    # The cage turns by a fixed part of the ring's turn, which thus is known in loops, too, where
+    # the joint has no coordinate.
     turn = np.diff(result["cage_angle"].sel(joint=joint).values[judged]) / bearing.cage_ratio
     path, between = np.abs(turn), np.diff(time)
     damages = bearing.damage_of_turn(loads, outer_turns)

@@ -1,7 +1,7 @@
-"""The six claims of the paper (Section 5), put to the test on ensembles of perturbed runs.
+"""The six claims of the paper (Section 5), tested on ensembles of perturbed runs.
 
 Impacts magnify small differences, and nobody knows where a journal rests at the start, so no claim
-is decided on one run. `measure` reduces a run to a few numbers; `judge` compares the ensembles of
+is decided by one run. `measure` reduces a run to a few numbers; `judge` compares the ensembles of
 the two clearances.
 """
 
@@ -18,26 +18,26 @@ from jointplay.simulation.result.certificate import plus_minus
 from jointplay.simulation.result.result import AXES, Result
 
 CONFIDENCE = 0.95
-"""A difference counts if its confidence interval (Welch) excludes zero."""
+"""Level of the confidence interval (Welch) that must exclude zero for a difference to count."""
 PEAK_LEVEL = 0.2
-"""A force peak reaches this fraction of the run's largest force."""
+"""Force of a peak, at least, relative to the run's largest."""
 ISOLATED = 0.05
-"""Peaks are isolated in time if they fill less than this fraction of it."""
+"""Fraction of the time that peaks fill below which they are isolated."""
 APART_M = 1e-9
-"""Points of a path that are nearer to each other count as one [m]: a search among the thousands
-that a tool at rest leaves takes four times as long."""
+"""Distance below which points of a path count as one [m]: a search among the thousands that a tool
+at rest leaves takes four times as long."""
 
 Measures = dict[str, float]
 
 
 def _path(points: np.ndarray) -> np.ndarray:
-    """Points (n, 2) along a path [m] without those where it stood still."""
+    """Points (n, 2) along a path [m], those where it stands still left out."""
     length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
     return np.asarray(points[np.unique(np.floor(length / APART_M), return_index=True)[1]])
 
 
 def can_be_measured(result: Result) -> bool:
-    """Whether `measure` has what it needs, and more of the run is judged than not."""
+    """Whether `measure` can be applied: settled, one joint with play, and mostly judged."""
     if "tool_error" not in result.dataset or len(result.joints) != 1:
         return False
     settled = result.judge_from > 0.0 or result.audit.start == "rest"
@@ -47,7 +47,7 @@ def can_be_measured(result: Result) -> bool:
 
 
 def measure(result: Result) -> Measures:
-    """Reduce a run to the numbers that the claims are about.
+    """Reduce a run to the measures that the claims are about.
 
     Args:
         result: a run with one clearance joint, judged from `Result.judge_from` on.
@@ -57,9 +57,9 @@ def measure(result: Result) -> Measures:
         deviation from the ideal robot, of its distance from the ideal path in the XOY plane, of
         its velocity deviation. free, continuous, penetration: fractions of time in each mode.
         fx, fy, fz: largest contact force along each world axis [N]. busy: fraction of time in
-        which the force exceeds `PEAK_LEVEL` of its largest. peak_time: when it was largest [s].
-        rate: impacts per second. impulse: mean normal impulse of an impact [N s]. crossings: sign
-        changes per second of the tool's velocity deviation. swing_mm: mean excursion of the
+        which the force exceeds `PEAK_LEVEL` of its largest. peak_time: time of the largest force
+        [s]. rate: impacts per second. impulse: mean normal impulse of an impact [N s]. crossings:
+        sign changes per second of the tool's velocity deviation. swing_mm: mean excursion of the
         tool's deviation between two of its turning points.
     """
     from scipy.spatial import cKDTree  # takes long to import
@@ -104,7 +104,7 @@ def _rms(vectors: np.ndarray) -> float:
 
 @dataclass(frozen=True)
 class Verdict:
-    """What became of one claim under one condition."""
+    """The verdict on one claim under one condition."""
 
     claim: int
     subject: str
@@ -119,10 +119,11 @@ class Verdict:
 
 
 CLAIM_COLUMNS = ("claim", "statement", "condition", "holds", "0.2 mm → 0.5 mm")
-"""Of the table of verdicts, whose rows are `Verdict.row`."""
+"""Headings of the table of verdicts, whose rows are `Verdict.row`."""
 
 Ensemble = Sequence[Measures]
 Check = Callable[[Ensemble, Ensemble], tuple[str, str]]
+"""Compares the ensembles of small and large clearance: the verdict, and the numbers in words."""
 
 
 def _values(ensemble: Ensemble, key: str) -> np.ndarray:
@@ -136,7 +137,7 @@ def _spread(values: np.ndarray) -> str:
 def _greater(
     small: Ensemble, large: Ensemble, key: str, unit: str, name: str = "RMS"
 ) -> tuple[str, str]:
-    """Is `key` greater at the large clearance? Verdict by the interval of the mean difference."""
+    """Whether `key` is greater at the large clearance, by Welch's interval of the difference."""
     a, b = _values(small, key), _values(large, key)
     text = f"{name} {_spread(a)} → {_spread(b)} {unit}"
     squares = np.array([a.var(ddof=1) / a.size, b.var(ddof=1) / b.size])
@@ -145,7 +146,7 @@ def _greater(
     if total > 0.0:
         from scipy.special import stdtrit  # takes long to import
 
-        # Welch-Satterthwaite degrees of freedom
+        # Degrees of freedom by Welch and Satterthwaite.
         freedom = total**2 / (squares**2 / (np.array([a.size, b.size]) - 1)).sum()
         margin = float(stdtrit(freedom, 0.5 + 0.5 * CONFIDENCE) * np.sqrt(total))
     difference = float(b.mean() - a.mean())
@@ -155,6 +156,7 @@ def _greater(
 
 
 def _all(parts: Sequence[tuple[str, str]]) -> tuple[str, str]:
+    """The verdict on a claim of several parts, each of which must hold."""
     verdicts = [verdict for verdict, _ in parts]
     verdict = "no" if "no" in verdicts else "undecided" if "undecided" in verdicts else "yes"
     return verdict, "; ".join(text for _, text in parts)
@@ -226,10 +228,10 @@ CLAIMS: Mapping[int, tuple[str, str, Check]] = {
 
 
 def judge(small: Ensemble, large: Ensemble, condition: str) -> list[Verdict]:
-    """Decide all claims under one condition, named for the table.
+    """Decide all claims under one condition, which is named for the table.
 
-    `small` and `large` are what `measure` found in each run at the smaller and the larger
-    clearance, at least two runs each.
+    `small` and `large` are the measures of each run at the smaller and the larger clearance, at
+    least two runs each.
     """
     return [
         Verdict(number, subject, condition, statement, *check(small, large))

@@ -1,4 +1,4 @@
-"""Two runs side by side: what was put in, and what came out."""
+"""Comparison of two runs: the inputs that differ, and their figures side by side."""
 
 from __future__ import annotations
 
@@ -56,12 +56,12 @@ class Comparison:
 
     labels: tuple[str, str]
     inputs: tuple[tuple[str, object, object], ...]
-    """Inputs that differ: where, and what stands there in each."""
+    """Inputs that differ: key, and value in each."""
     pairs: tuple[Pair, ...]
     apart: tuple[float, float] | None
-    """Peak and RMS distance of the two tools at the same time [m]; None: of different frames."""
+    """Peak and RMS distance of the two tools at the same time [m]; None for different frames."""
     causes: tuple[str, ...] = ()
-    """What the tool's error counts in each, ``play and elasticity``; none where it is not known."""
+    """Causes in the tool error of each, as ``play and elasticity``; empty where it is unknown."""
 
     @property
     def table(self) -> Table:
@@ -93,6 +93,7 @@ class Comparison:
 
     @property
     def _by(self) -> str:
+        """The causes of the tool errors, in words."""
         if len(set(self.causes)) == 1:
             return f"by {self.causes[0]}"
         named = zip(self.causes, self.labels, strict=True)
@@ -100,6 +101,7 @@ class Comparison:
 
     @property
     def answer(self) -> str:
+        """The main figure of both, and the distance of their tools, in a line."""
         first, second = self.labels
         pairs = {pair.name: pair for pair in self.pairs}
         forces = (name for name in pairs if name.startswith("peak joint force"))
@@ -127,13 +129,13 @@ def _shown(figure: CertifiedFigure) -> str:
 
 @known_keywords
 def compare(results: Mapping[str, Result], progress: bool = False) -> Comparison:
-    """What differs between two runs: inputs, headline figures with errors, rattle, tool paths.
+    """Compare two runs: their inputs, headline figures with errors, rattle, and tool paths.
 
-    The errors are those that each run had when it was saved; a run without them gets its figures
-    here, against the ideal mechanism, which is one of the two or simulated.
+    Figures and errors are those that each run had when it was saved; those of a run without are
+    computed here, without errors, against the ideal mechanism, which is the other run or simulated.
 
     Args:
-        results: the two, by label.
+        results: the two results, by label.
         progress: show bars on standard error.
 
     Raises:
@@ -166,7 +168,7 @@ def compare(results: Mapping[str, Result], progress: bool = False) -> Comparison
 
 
 def _figures(result: Result) -> dict[str, CertifiedFigure]:
-    """Headline figures by name, then those of rattle, whose errors nobody knows."""
+    """Headline figures by name, then those of rattle, whose errors are unknown."""
     if result.certificate is not None:
         certified = {figure.name: figure for figure in result.certificate.headline}
     else:

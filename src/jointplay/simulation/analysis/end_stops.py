@@ -1,4 +1,4 @@
-"""Stops at the ends of joints: how often they are struck, and how hard."""
+"""Impacts on the stops of joints: how often they are struck, and how hard."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from jointplay.simulation.result.result import Result
 
 @dataclass(frozen=True)
 class StruckStop:
-    """What a load of the kind ``stop`` comes to, from when on the run is judged.
+    """Impacts on a load of the kind ``stop``, from `Result.judge_from` on.
 
     Forces are those at the records: a contact that is shorter than their interval is missed.
     """
@@ -22,16 +22,16 @@ class StruckStop:
     name: str
     joint: str
     impacts: int
-    """Contacts that began."""
+    """Number of contacts that began."""
     rate: float
     """Impacts a second [1/s]."""
     peak: float
     """Largest force or torque [N or N m]."""
     time: float
-    """When [s]."""
+    """Time of the largest force [s]."""
     unit: str
     shortest: int
-    """Records in the shortest contact; 0 without contacts."""
+    """Number of records in the shortest contact; 0 without contacts."""
 
     def __str__(self) -> str:
         text = (
@@ -47,8 +47,9 @@ class StruckStop:
 
 
 RESOLVED = 6
-"""Records in a contact from which its largest force is known to 3 % (derived: of half a sine that
-is sampled six times, the nearest sample to its top is at most a twelfth of its length away)."""
+"""Number of records in a contact from which on its largest force is known to 3 % (derived: in half
+a sine that is sampled six times, the sample nearest to the top is at most a twelfth of its length
+away)."""
 
 
 def struck_stops(result: Result) -> list[StruckStop]:
@@ -65,7 +66,7 @@ def struck_stops(result: Result) -> list[StruckStop]:
         edges = np.diff(pressed.astype(int), prepend=0, append=0)
         begins, ends = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
         at = int(push.argmax())
-        impacts = len(begins) - int(pressed[0])  # what is pressed at the start strikes nothing
+        impacts = len(begins) - int(pressed[0])  # a stop pressed at the start is not struck
         struck.append(
             StruckStop(
                 name, load.joint, impacts, impacts / float(time[-1] - time[0]),

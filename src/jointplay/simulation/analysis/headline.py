@@ -1,4 +1,9 @@
-"""What a run comes to, in a few lines: tool error, at stops too, forces, rattle."""
+"""Headline figures of a run, and the lines that report them: tool error, forces, rattle.
+
+`Headline` gathers the figures from histories, in one part or in many, so that runs of any length
+can be measured; with each figure it keeps what each stretch of the run contributes, by which
+certificates compare runs. `headline` puts them into sentences.
+"""
 
 from __future__ import annotations
 
@@ -54,18 +59,18 @@ if TYPE_CHECKING:
     import xarray as xr
 
 
-# The headline figures of a run, and what its stretches contribute to each.
+# Figures, and what each stretch of a run contributes to them.
 
 STRETCHES = 8
-"""Stretches of a run, of equal length, that are compared one by one.
+"""Number of equally long stretches of a run that are compared one by one.
 
 Two runs of a chaotic motion can have the same largest force, or the same loss, by chance; not in
 all stretches.
 """
 SUBSETS = 4
-"""Subsets of the records, each of every fourth, whose root mean squares are compared."""
+"""Number of subsets of the records, each of every fourth, whose root mean squares are compared."""
 AT_ONCE = 16 * netcdf.CHUNK
-"""Records of a long run that are in memory at once."""
+"""Number of records of a long run that are in memory at once."""
 
 CLAIM_UNITS = {
     "deviation_mm": "mm",
@@ -79,7 +84,7 @@ CLAIM_UNITS = {
     "crossings": "1/s",
     "swing_mm": "mm",
 }
-"""Units of what `claims.measure` finds."""
+"""Units of the measures of `claims.measure`."""
 
 
 @dataclass(frozen=True)
@@ -89,15 +94,16 @@ class Measured:
     value: float
     unit: str
     parts: np.ndarray
-    """(STRETCHES,) or none."""
+    """Contribution of each stretch, shape (STRETCHES,), or empty."""
     power: float = 1.0
-    """Of the mean that the figure is: 1 a sum, 2 the root of a sum, infinity the largest."""
+    """How the parts make the figure: 1 by their sum, 2 by the root of it, infinity by the largest.
+    """
     sampling: float = 0.0
-    """How far it may be off because it is computed from records, not from all steps."""
+    """Error because the figure is computed from records, not from all steps."""
 
 
 def figures(result: Result) -> dict[str, tuple[float, str]]:
-    """Value and unit of headline figures from `Result.judge_from` on, and of what claims use."""
+    """Value and unit of headline figures from `Result.judge_from` on, and of claims' measures."""
     measured = headline_of(result, ideal_tool(result), claims=True)
     return {name: (figure.value, figure.unit) for name, figure in measured.items()}
 
@@ -108,8 +114,8 @@ def fits(result: Result) -> bool:
 
 
 def headline_of(result: Result, ideal: Reference | None, claims: bool) -> dict[str, Measured]:
-    """The headline figures of a run, against the motion of the ideal tool, if that is known, and
-    where it can be what the claims use.
+    """The headline figures of a run, with those against the ideal tool if that is known; for
+    `claims` also their measures, where they can be taken.
     """
     figures = Headline(result.time, result.judge_from, ideal, hinges(result))
     dataset, rows = result.dataset, len(result.time)
@@ -123,7 +129,7 @@ def headline_of(result: Result, ideal: Reference | None, claims: bool) -> dict[s
 
 
 def claims_of(result: Result) -> dict[str, Measured]:
-    """What the claims use, of a long run with one joint with clearance."""
+    """Measures of the paper's claims, of a long run with one joint with clearance; else none."""
     if not can_be_measured(result):
         return {}
     measures = measure(result)
@@ -134,19 +140,24 @@ def claims_of(result: Result) -> dict[str, Measured]:
 
 
 class Headline:
-    """The headline figures of a run, from its histories, in one part or in many.
+    """Gathers the headline figures of a run from its histories, in one part or in many.
 
-    `time` is that of all records [s]; `ideal` the motion of the ideal mechanism's tool, if it is
-    known; `soft` are hinges of flexible links, which hold their bodies by more than the force of
-    their springs.
+    Args:
+        time: times of all records [s].
+        judge_from: time from which figures count [s].
+        ideal: motion of the ideal mechanism's tool, if it is known.
+        soft: hinges of flexible links, whose forces are left out: they hold their bodies by more
+            than the force of their springs.
     """
 
     HISTORIES = (
         *("joint_force_peak", "joint_force", "reaction_force", "load_work"),
         *(*TOOL_MOTIONS, *LOSSES),
     )
+    """Histories that `add` looks at."""
 
     builder: HistoryBuilder
+    """Makes histories of the records that `take` gets."""
 
     def __init__(
         self, time: np.ndarray, judge_from: float, ideal: Reference | None, soft: set[str]
@@ -162,21 +173,25 @@ class Headline:
         self._ends = np.linspace(0, max(self._count - 1, 0), STRETCHES + 1).astype(int)
         self._histories: dict[str, _History] = {}
         self._seen = 0
+        """Number of judged records so far."""
         self._lost: list[np.ndarray] = []
+        """Energy lost up to the ends of stretches [J]."""
         self._work: list[np.ndarray] = []
+        """Work of each load up to the ends of stretches [J]."""
         self._play = False
 
     def take(self, records: Records) -> None:
-        """Add records of the run for which there is a `builder`."""
+        """Add records of the run of the `builder`."""
         self.add(self.builder.portion(records))
 
     def finish(self, run: Run) -> dict[str, Measured]:
-        """The figures of that run, at its end."""
+        """The figures of the builder's run, at its end."""
         assert isinstance(run.overflow, spool.PassedRecords)
         run.overflow.finish()
         return self.measured(self.builder.audit().judged_impacts)
 
     def add(self, part: xr.Dataset) -> None:
+        """Add the next histories."""
         judged = part["time"].values >= self._judge_from
         rows = slice(self._seen, self._seen + int(np.count_nonzero(judged)))
         self._play = "joint" in part.dims
@@ -190,8 +205,8 @@ class Headline:
             sizes = np.linalg.norm(force.values, axis=2)
             for k, name in enumerate(names):
                 if name not in self._soft:
-                    at = "" if len(names) - len(self._soft) == 1 else f", {name}"
-                    history = self._of(f"{how} joint force{at}", how, "N", self._count)
+                    figure = _joint_figure(how, name, len(names) - len(self._soft))
+                    history = self._history(figure, how, "N", self._count)
                     history.add(sizes[judged, k], self._weights[rows])
         if self._ideal is not None:
             for quantity, of in (("error", "tool_position"), ("turn", "tool_orientation")):
@@ -202,15 +217,15 @@ class Headline:
                 for how in ("peak", "RMS"):
                     unit = error.attrs["units"]
                     weights = self._compared_weights
-                    history = self._of(f"{how} tool {quantity}", how, unit, len(weights))
+                    history = self._history(f"{how} tool {quantity}", how, unit, len(weights))
                     history.add(sizes, weights[rows], moves)
         self._add_losses(part, judged)
 
-    def _of(self, name: str, how: str, unit: str, count: int) -> _History:
+    def _history(self, name: str, how: str, unit: str, count: int) -> _History:
         return self._histories.setdefault(name, _History(how, unit, count))
 
     def _add_losses(self, part: xr.Dataset, judged: np.ndarray) -> None:
-        """Keep what was lost at the ends of the stretches."""
+        """Keep the energy lost, and the work of loads, at the ends of the stretches."""
         ends = self._ends - self._seen
         ends = ends[(ends >= 0) & (ends < np.count_nonzero(judged))]
         lost = np.zeros(len(ends))
@@ -223,28 +238,37 @@ class Headline:
         self._seen += int(np.count_nonzero(judged))
 
     def measured(self, impacts: int) -> dict[str, Measured]:
+        """The figures by name; `impacts`: number of contacts that began."""
         figures = {name: history.measured() for name, history in self._histories.items()}
         if self._play:
             figures["impacts"] = Measured(float(impacts), "", np.empty(0))
         lost = np.concatenate(self._lost)
         if self._work:
             work = np.concatenate(self._work)
-            # What a load has taken in all; none where it has given.
+            # The work that a load has taken up on the whole; one that has given work counts 0.
             absorbed = work[0] - work
             lost = lost + absorbed[:, absorbed[-1] > 0.0].sum(axis=1)
         figures["dissipated energy"] = Measured(float(lost[-1] - lost[0]), "J", np.diff(lost))
         return figures
 
 
+def _joint_figure(how: str, joint: str, joints: int) -> str:
+    """Name of a joint's ``peak`` or ``RMS`` force, of a machine with so many joints."""
+    return f"{how} joint force" if joints == 1 else f"{how} joint force, {joint}"
+
+
 class _History:
-    """The ``peak`` or ``RMS`` of a history of `count` sizes, in one part or in many."""
+    """The ``peak`` or ``RMS`` of a history of `count` sizes, gathered in one part or in many."""
 
     def __init__(self, how: str, unit: str, count: int) -> None:
         self._how, self._unit = how, unit
         size, more = divmod(count, STRETCHES)
         self._ends = np.cumsum([size + (k < more) for k in range(STRETCHES)])
         self._largest, self._squares = np.zeros(STRETCHES), np.zeros(STRETCHES)
-        self._most, self._last = 0.0, np.empty((3, 0))
+        self._most = 0.0
+        """Largest size with the error of its interpolation between records (`tops`)."""
+        self._last = np.empty((3, 0))
+        """Times, sizes and rates of the last records: their cubics need the next ones."""
         self._subsets, self._left = np.zeros(SUBSETS), np.empty(0)
         self._seen = 0
 
@@ -254,13 +278,13 @@ class _History:
         weights: np.ndarray,
         moves: tuple[np.ndarray, np.ndarray] | None = None,
     ) -> None:
-        """Add sizes with their weights in the mean, and where known their times and rates."""
+        """Add sizes with their weights in the mean; `moves`: their times and rates, if known."""
         top = most = sizes
         if moves is not None:
             known = np.hstack([self._last, [moves[0], sizes, moves[1]]])
             top, most = tops(*known)
             top = top[self._last.shape[1] :]
-            self._last = known[:, -3:]  # what follows tells more of the last records
+            self._last = known[:, -3:]
         self._most = most.max(initial=self._most)
         cuts = np.clip(self._ends[:-1] - self._seen, 0, len(sizes))
         squares = weights * sizes**2
@@ -276,6 +300,7 @@ class _History:
         self._left = sizes[even:].copy()
 
     def measured(self) -> Measured:
+        """The figure of all sizes that were added."""
         if self._how == "peak":
             value = float(self._largest.max())
             return Measured(value, self._unit, self._largest, math.inf, self._most - value)
@@ -283,14 +308,14 @@ class _History:
         return Measured(value, self._unit, self._squares, 2.0, self._sampling_error(value))
 
     def _sampling_error(self, value: float) -> float:
-        """Twice the standard error of a root mean square: from how subsets of the records differ.
+        """Twice the standard error of a root mean square, by the scatter of subsets of the records.
 
-        Impacts last shorter than the interval of records, which meet some of them by chance.
+        Impacts are shorter than the interval of records, which meet some of them by chance.
         """
         if self._seen < 4 * SUBSETS or value == 0.0:
             return 0.0
         means = self._subsets / (self._seen // SUBSETS)
-        # Each subset begins a record later: that of a smooth history shows a trend, no error.
+        # Each subset begins a record later: the trend of a smooth history is no error.
         first = np.arange(SUBSETS)
         residual = means - np.polyval(np.polyfit(first, means, 1), first)
         return float(np.linalg.norm(residual) / math.sqrt((SUBSETS - 2) * SUBSETS) / value)
@@ -300,18 +325,18 @@ HISTORIES = (
     *(*TOOL_MOTIONS, *COMPARED, "joint_force_peak", "normal_force_peak"),
     *("q", "v", "cage_angle", "normal_dissipation"),
 )
-"""What `headline` looks at."""
+"""Histories that `headline` looks at."""
 
 MOST_STOPS = 6
-"""Stops that are listed one by one."""
+"""Largest number of stops that are listed one by one."""
 
 
 def headline(result: Result, detail: bool = False) -> list[str]:
-    """Lines that say what came out of a run from `Result.judge_from` on.
+    """The outcome of a run from `Result.judge_from` on, in a few lines.
 
     Args:
-        result: the run; where its ideal mechanism cannot be simulated, nothing is said of the tool.
-        detail: whether its acceleration in bands of frequency, and what the run cost, are said too.
+        result: the run; if its ideal mechanism cannot be simulated, there is nothing on the tool.
+        detail: also give its acceleration in bands of frequency, and the cost of the run.
     """
     known = has_tool_error(result)
     finite = np.isfinite(result["tool_position"].values).all(axis=1)
@@ -323,7 +348,7 @@ def headline(result: Result, detail: bool = False) -> list[str]:
     failed = result.status not in (Status.COMPLETED, Status.INTERRUPTED)
     if failed:
         lines.append(result.message)
-    # Of what diverged, how far it came says nothing of the machine.
+    # How far a run came that diverged says nothing about the machine.
     if known and result.status != Status.RUN_AWAY:
         lines += _tool(result, detail)
     elif not (failed or twins.has_play(result)):
@@ -347,7 +372,7 @@ def headline(result: Result, detail: bool = False) -> list[str]:
 
 
 def headline_texts(result: Result) -> dict[str, str]:
-    """The figures of `headline` by name, as a table of several runs shows them."""
+    """The figures of `headline` by name, for a table of several runs."""
     texts: dict[str, str] = {}
     if has_tool_error(result) and result.status != Status.RUN_AWAY:
         with suppress(JointplayError):  # no records
@@ -363,7 +388,7 @@ def headline_texts(result: Result) -> dict[str, str]:
 
 
 def in_a_line(result: Result) -> str:
-    """Machine, play, length, how it ended, and the first figure that is known: nothing is run."""
+    """Machine, play, length, end and first known figure of a result, in a line; nothing is run."""
     machine = twins.inputs(result)["mechanism"]
     parts = [Path(machine["urdf"]).stem]
     with suppress(JointplayError):  # a law of the user's own that is not at hand
@@ -381,12 +406,13 @@ def in_a_line(result: Result) -> str:
 
 
 def summary(result: Result) -> str:
-    """What `jointplay run` prints of a result: tool error, forces, rattle, warnings."""
+    """The text that `jointplay run` prints of a result: tool error, forces, rattle, warnings."""
     lines = headline(result) or [result.message]
     return "\n".join([*lines, *(f"warning: {text}" for text in result.audit.warnings)])
 
 
 def _tool(result: Result, detail: bool) -> list[str]:
+    """Lines on the tool's error."""
     until = deviation(result)
     if not len(until) or float(until["time"][-1]) < result.judge_from:
         since, ended = since_words(result), ended_words(result, until)
@@ -406,6 +432,7 @@ def _tool(result: Result, detail: bool) -> list[str]:
 
 
 def _at_stops(result: Result, error: xr.DataArray) -> list[str]:
+    """The tool's error where the reference stops, in a line, or none."""
     motion = result.simulation.motion
     if motion is None or motion.interpolation in GOES_ON:
         return []
@@ -432,6 +459,7 @@ def _at_stops(result: Result, error: xr.DataArray) -> list[str]:
 
 
 def _forces(result: Result, joints: list[str], since: str, detail: bool) -> str:
+    """The peak force in each joint, in a line."""
     forces = result.forces
     forces = forces.sel(time=forces["time"] >= result.judge_from)
     parts: list[str] = []
@@ -446,22 +474,23 @@ def _forces(result: Result, joints: list[str], since: str, detail: bool) -> str:
 
 
 def _ideal_force(result: Result, joint: str) -> str:
-    """The largest force in the same pin of the ideal linkage, where it is known, in brackets."""
+    """The largest force in the same pin of the ideal linkage, in brackets, if it is known."""
     largest = json.loads(result.dataset.attrs.get("ideal_forces", "{}")).get(joint)
     return "" if largest is None else f" (ideal {alone(largest)} N)"
 
 
 def peak_force(result: Result, joint: str, largest: float, detail: bool = False) -> str:
-    """The largest force in a joint, `largest` [N] by its histories.
+    """The largest force in a joint, in words; `largest` [N] by its histories.
 
-    With its numerical error if that is known, and if all sizes were given or `detail` is asked for.
+    Its numerical error is added if it is known, and all sizes were given or `detail` is wanted.
     """
-    name = f"peak joint force{twins.at_joint(result, joint)}"
+    name = _joint_figure("peak", joint, len(set(result.joints) - twins.hinges(result)))
     exact = detail or sizes_are_given(result)
     return shown(result.certificate if exact else None, name, largest, "N")
 
 
 def _bearings(result: Result, since: str) -> list[str]:
+    """Lines on loads and life of rolling bearings."""
     if np.count_nonzero(result.time >= result.judge_from) < 2:
         return []
     lines = []

@@ -1,4 +1,8 @@
-"""How far the tool of a run is off, and what play, elasticity and drives each add to that."""
+"""Causes of the tool error: the shares of play, elasticity and drives, and the sentence on them.
+
+Causes are taken out one after the other, play first, by runs of twins (`twins.without`); the
+difference between neighbouring twins is the share of a cause.
+"""
 
 from __future__ import annotations
 
@@ -27,25 +31,25 @@ if TYPE_CHECKING:
     from jointplay.model.mechanism import Mechanism
 
 COUNTS = 0.01
-"""Part of the whole error from which on that of the drives is told; rigid ones leave a millionth.
-"""
+"""Share of the drives in the whole error from which on it is reported; rigid ones leave a
+millionth."""
 AGAINST = "against the ideal mechanism with the same drives, whose own errors they leave out"
-"""What figures of the tool's error that certificates state are measured against."""
+"""The reference of the tool errors in certificates, in words."""
 STANDS_M = 1e-9
-"""A point that moves by less stands: that much is rounding."""
+"""Motion up to which a point stands: that much is rounding [m]."""
 
 DECISIVE = (
     *("radial_clearance", "clearance", "bearing_radius", "bearing_length", "length"),
     *("play", "stiffness"),
 )
-"""Sizes to which the error is proportional, or nearly: where one was assumed, three digits are
-enough."""
+"""Sizes to which the error is nearly proportional: where one was assumed, three digits are enough.
+"""
 
 _BODIES = {
     "bearings": ("bearing_radius", "bearing_length"),
     "guides": ("width", "height", "length"),
 }
-"""What holds a journal or a slider, and the fields of its size."""
+"""Parts that hold a journal or a slider, and the fields of their size."""
 
 _FIGURES = {
     "peak": "peak tool error",
@@ -53,11 +57,11 @@ _FIGURES = {
     "peak_turn": "peak tool turn",
     "rms_turn": "RMS tool turn",
 }
-"""Figures of `ToolError`, and what certificates call them."""
+"""Figures of `ToolError`, and their names in certificates."""
 
 
 class ToolError:
-    """How far the tool is from that of the ideal mechanism, from `Result.judge_from` on.
+    """Distance of the tool from that of the ideal mechanism, from `Result.judge_from` on.
 
     `print` shows it in a sentence, by cause.
 
@@ -102,25 +106,26 @@ class ToolError:
 
     @property
     def time_of_peak(self) -> float:
-        """When the distance is largest [s]."""
+        """Time at which the distance is largest [s]."""
         return _time_of_peak(self.vector)
 
     @property
     def numerical_errors(self) -> dict[str, float]:
-        """Of ``peak`` and ``rms`` [m], ``peak_turn`` and ``rms_turn`` [rad], as far as known."""
+        """Numerical errors of ``peak`` and ``rms`` [m], ``peak_turn`` and ``rms_turn`` [rad], as
+        far as they are known.
+        """
         certificate = self._result.certificate
         known = {fig.name: fig.error for fig in (certificate.headline if certificate else ())}
         return {name: known[of] for name, of in _FIGURES.items() if of in known}
 
     @cached_property
     def parts(self) -> dict[str, xr.DataArray]:
-        """What each cause adds to where the tool is (time, axis) [m]: ``drive``, ``elasticity``,
-        ``play``, those that there are.
+        """Displacement of the tool by each cause that there is (time, axis) [m]: ``drive``,
+        ``elasticity``, ``play``.
 
-        They are taken out one after the other, play first (`twins.without`), and add up to the
-        distance from where the motion sends the tool, or without a ``drive`` to `vector`. Where the
-        machine does not run without play alone, there is ``play and elasticity``; against the
-        motion as it was meant, all is ``left``.
+        They add up to the displacement from where the motion sends the tool, or without ``drive``
+        to `vector`. Where the machine does not run without play alone, there is ``play and
+        elasticity``; against the motion as it was meant (`Result.beside`), all is ``left``.
         """
         if self._result.beside is not None:
             return {"left": self.vector}
@@ -143,11 +148,11 @@ class ToolError:
         attrs = self.vector.attrs
         return {name: vectors.assign_attrs(attrs) for name, vectors in by_cause.items()}
 
-    # What is said of it.
+    # The error in words.
 
     @cached_property
     def _causes(self) -> dict[str, xr.DataArray]:
-        """Parts that are told: that of the drives only if it is noticeable."""
+        """Parts that are reported: that of the drives only if it is noticeable."""
         drive = self.parts.get("drive")
         if drive is not None and _peak(drive) > COUNTS * _peak(drive + self.vector):
             return self.parts
@@ -155,10 +160,12 @@ class ToolError:
 
     @cached_property
     def _guessed(self) -> str:
-        """How a rule has the stiffness of gears: ``usual`` or ``unknown``; else empty."""
+        """How sure a rule is of the gears' stiffness: ``usual`` or ``unknown``; empty if given."""
         if "elasticity" not in self.parts:
             return ""
-        stiffness = [value for value in _of(self._result, "gears", "stiffness") if value.assumed]
+        stiffness = [
+            value for value in _values_of(self._result, "gears", "stiffness") if value.assumed
+        ]
         unknown = any(value.origin == GUESSED for value in stiffness)
         return "unknown" if unknown else "usual" if stiffness else ""
 
@@ -170,10 +177,10 @@ class ToolError:
 
     @cached_property
     def reported(self) -> xr.DataArray:
-        """What the sentence begins with (time, axis) [m].
+        """The displacement with which the sentence begins (time, axis) [m].
 
-        From where the tool was sent, if the drives leave it noticeably, else `vector`; what
-        elasticity does left out, where a rule gave the stiffness of gears.
+        It is from where the tool was sent, if the drives leave it noticeably, else `vector`;
+        without the part of elasticity where a rule gave the stiffness of gears.
         """
         error = self.vector
         if "drive" in self._causes:
@@ -184,17 +191,17 @@ class ToolError:
 
     @property
     def against(self) -> str:
-        """What `reported` is measured against, as the sentence says it."""
+        """The reference of `reported`, in the words of the sentence."""
         where = "from where it was sent" if "drive" in self._causes else "off"
         return f"{where}, elasticity aside" if self._guessed else where
 
     @property
     def _is_exact(self) -> bool:
-        """Whether all was given that decides its size."""
+        """Whether all that decides its size was given, so that its numerical error counts."""
         return sizes_are_given(self._result) and self.reported is self.vector
 
     def texts(self, exact: bool) -> dict[str, str]:
-        """Its figures by what certificates call them, with their numerical errors if `exact`."""
+        """The figures by their names in certificates, with their numerical errors if `exact`."""
         by_figure = {}
         for (name, of), unit in zip(_FIGURES.items(), ("m", "m", "rad", "rad"), strict=True):
             certificate = self._result.certificate if exact else None
@@ -205,7 +212,7 @@ class ToolError:
         return by_figure
 
     def columns(self) -> dict[str, str]:
-        """Its figures for a table of several runs."""
+        """The figures for a table of several runs, by column."""
         by_column = self.texts(self._is_exact)
         del by_column["RMS tool turn"]
         if self._guessed:
@@ -215,7 +222,7 @@ class ToolError:
         return by_column
 
     def sentence(self, detail: bool = False) -> str:
-        """How far the tool is off, by cause; with `detail` with numerical errors that are known."""
+        """The tool's error by cause, in a sentence; `detail`: with numerical errors if known."""
         result, causes = self._result, self._causes
         tool = result.simulation.mechanism.tool
         exact = self._is_exact or (detail and self.reported is self.vector)
@@ -251,7 +258,7 @@ class ToolError:
 
     @property
     def _outputs(self) -> str:
-        """Of a linkage: links that turn or slide on the ground and are not led, as tools."""
+        """A hint at other tools of a linkage: links that turn or slide on the ground and follow."""
         simulation = self._result.simulation
         mechanism, led = simulation.mechanism, simulation.motion
         entries = mechanism.description.joints
@@ -269,7 +276,7 @@ class ToolError:
         return f"; what moves on the ground: --tool {' or '.join(names)}" if names else ""
 
     def _part(self, name: str) -> str:
-        """A cause with its largest value and its RMS."""
+        """A cause with its largest value and its RMS, in words."""
         vectors, result = self.parts[name], self._result
         if name == "elasticity" and self._guessed:
             return self._elasticity()
@@ -277,12 +284,12 @@ class ToolError:
         if name == "play":
             return f"play {peak} (RMS {rms}), of {_sizes(result)}"
         stiffness = "; stiffness estimated" if name == "elasticity" and any(
-            value.origin == "estimated" for value in _of(result, "gears", "stiffness")
+            value.origin == "estimated" for value in _values_of(result, "gears", "stiffness")
         ) else ""  # fmt: skip
         return f"{_label(result, name)} {peak} (RMS {rms}{stiffness})"
 
     def _elasticity(self) -> str:
-        """What is known of elasticity, where a rule has the stiffness."""
+        """The part of elasticity where a rule gave the stiffness, with its range, in words."""
         about = 1e3 * _peak(self.parts["elasticity"])
         least, most = (f"{about * factor:.2g}" for factor in (1.0 / SPREAD, SPREAD))
         condition = "if the gears are as stiff as usual"
@@ -291,7 +298,7 @@ class ToolError:
         return f"elasticity about {about:.2g} mm {condition} (assumed; {least} to {most})"
 
     def further(self) -> list[str]:
-        """What the sentence leaves out: the parts at the peak, which add up, and the turn."""
+        """Lines beside the sentence: the parts at the peak, which add up, and the turn."""
         causes, error = self._causes, self.reported
         if self.is_angle or len(causes) == 1 or _peak(error) == 0.0:
             return []
@@ -313,7 +320,7 @@ class ToolError:
 
     @property
     def is_angle(self) -> bool:
-        """Whether an angle is what counts: of a rocker, or where play moves the origin nowhere."""
+        """Whether the angle is what counts: of a rocker, or where play does not move the origin."""
         if self.peak_turn <= STANDS_M:
             return False
         mechanism = self._result.simulation.mechanism
@@ -326,12 +333,12 @@ class ToolError:
 
 
 def sizes_are_given(result: Result) -> bool:
-    """Whether no size was assumed that decides figures: then their numerical errors say more."""
-    return not any(value.assumed for name in DECISIVE for value in _of(result, "", name))
+    """Whether all sizes that decide figures were given: only then numerical errors matter."""
+    return not any(value.assumed for name in DECISIVE for value in _values_of(result, "", name))
 
 
 def has_both(mechanism: Mechanism) -> bool:
-    """Whether there is play as well as elasticity, which a run without play tells apart."""
+    """Whether there is play as well as elasticity, which a run without play can separate."""
     if not mechanism.runs_ideal:
         return False
     still = mechanism.without("play")
@@ -339,7 +346,7 @@ def has_both(mechanism: Mechanism) -> bool:
 
 
 def counted_causes(result: Result) -> str:
-    """Whose errors figures of the tool count that certificates state, as `run` names them."""
+    """The causes whose errors are in the certificates' figures of the tool, as `run` names them."""
     if result.beside is not None:
         return "all that is left of the motion as it was meant"
     mechanism = result.simulation.mechanism
@@ -349,7 +356,7 @@ def counted_causes(result: Result) -> str:
 
 
 def cause(result: Result) -> str:
-    """Which play is where, or what gives way if there is none, to begin a sentence with."""
+    """The play and its joints, or what gives way without play, as the subject of a sentence."""
     if sizes := _sizes(result):
         return f"Play of {sizes}"
     mechanism, hinged = result.simulation.mechanism, twins.hinges(result)
@@ -359,7 +366,7 @@ def cause(result: Result) -> str:
 
 
 def _sizes(result: Result) -> str:
-    """How large play is, and where; empty without."""
+    """Sizes of play and their joints, in words; empty without play."""
     mechanism = result.simulation.mechanism
     loose: dict[str, list[str]] = {}
     for name, joint in mechanism.clearance.items():
@@ -379,7 +386,7 @@ def _sizes(result: Result) -> str:
     unsure = any(
         value.assumed
         for name in ("radial_clearance", "clearance")
-        for value in _of(result, "joints", name)
+        for value in _values_of(result, "joints", name)
     )
     mark = " (assumed)" if unsure else ""
     return " and of ".join(f"{size}{mark} in {few(names)}" for size, names in loose.items())
@@ -390,25 +397,25 @@ def _geared(names: list[str]) -> list[str]:
 
 
 def _assumptions(result: Result) -> str:
-    """What decides the error, and nobody said: sizes of bearings, and where encoders sit."""
+    """Assumed values that decide the error, in words: bearing sizes, encoder side, bandwidth."""
     mechanism, notes = result.simulation.mechanism, []
     for body, names in _BODIES.items():
-        if any(value.assumed for name in names for value in _of(result, "joints", name)):
+        if any(value.assumed for name in names for value in _values_of(result, "joints", name)):
             sizes: dict[str, None] = {}
             for joint in mechanism.clearance.values():
                 if all(hasattr(joint, name) for name in names):
-                    # Of a bore the diameter.
+                    # A bore is stated by its diameter.
                     extents = [
                         (1 + (name == "bearing_radius")) * getattr(joint, name) for name in names
                     ]
                     sizes[" x ".join(f"{1e3 * size:.3g}" for size in extents)] = None
             notes.append(f"in {body} of {few(list(sizes))} mm, assumed")
-    sides = {value.value for value in _of(result, "drives", "encoder") if value.assumed}
+    sides = {value.value for value in _values_of(result, "drives", "encoder") if value.assumed}
     if sides and any(gear.play for gear in mechanism.gears.values()):
         notes.append(f"encoder on the {' or '.join(sorted(sides))}, assumed")
     lowered = [
         value.value
-        for value in _of(result, "drives", "bandwidth")
+        for value in _values_of(result, "drives", "bandwidth")
         if value.assumed and value.source.startswith("rule")
     ]
     if lowered:
@@ -416,8 +423,8 @@ def _assumptions(result: Result) -> str:
     return "".join(f"; {note}" for note in notes)
 
 
-def _of(result: Result, table: str, field: str) -> list[Value]:
-    """Values that a result hangs on: of a field, in a table if one is named."""
+def _values_of(result: Result, table: str, field: str) -> list[Value]:
+    """The result's values of a field, in a table if one is named."""
     return [
         value
         for value in result.values
@@ -426,7 +433,7 @@ def _of(result: Result, table: str, field: str) -> list[Value]:
 
 
 def drives_alone(result: Result) -> list[str]:
-    """How far servos leave the tool of a machine without play from where it was sent."""
+    """The error by servos alone, of a machine without play: a line, or none."""
     servos = _label(result, "drive")
     if servos == "drives" or not len(result.time):
         return []
@@ -441,7 +448,7 @@ def drives_alone(result: Result) -> list[str]:
 
 
 def _label(result: Result, name: str) -> str:
-    """What a cause is called: drives are servos if any of them is."""
+    """Name of a cause in sentences: drives are servos if any of them is."""
     if name != "drive":
         return name
     simulation = result.simulation
@@ -450,14 +457,14 @@ def _label(result: Result, name: str) -> str:
 
 
 def since_words(result: Result) -> str:
-    """From when on it is judged; empty from the beginning on."""
+    """The time from which a run is judged, in words; empty if from the beginning."""
     return f" from {result.judge_from:g} s on" if result.judge_from > 0.0 else ""
 
 
 def ended_words(result: Result, error: xr.DataArray) -> str:
-    """Where the ideal mechanism's run is shorter; records of another step may end earlier."""
+    """The end of an ideal run that is shorter than the run, in words; else empty."""
     last = float(error["time"][-1])
-    short = last < 0.999 * result.time[-1]
+    short = last < 0.999 * result.time[-1]  # records of another step may end a little earlier
     return f", against the ideal mechanism, whose run ends at {last:.4g} s" if short else ""
 
 

@@ -1,7 +1,7 @@
-"""A run once more, recorded at every step where it matters: the full resolution of single impacts.
+"""Replay: a run repeated, with every step recorded in some windows, to see single impacts.
 
-Equal simulations give equal bits, so a short record of a long run costs no memory: the run is
-repeated, and only the windows asked for are kept in full.
+Equal simulations give equal bits, so that full resolution costs no memory: the run is repeated, and
+only the windows asked for are kept in full.
 """
 
 from __future__ import annotations
@@ -25,25 +25,26 @@ from jointplay.simulation.simulation import Simulation
 WINDOW_STEPS = 600
 """Largest number of steps recorded around an impact."""
 MARGIN_STEPS = 60
-"""Steps shown before and after it."""
+"""Number of steps shown before and after an impact."""
 
 
 @dataclass(frozen=True)
 class Replay:
-    """What `replay` saw."""
+    """A repeated run: histories within the windows, and statistics of all contacts."""
 
     windows: tuple[xr.Dataset, ...]
-    """For each window the variables of a result, a record for every step."""
+    """Variables of a result in each window, with a record for every step."""
     statistics: xr.Dataset
-    """Exact, by joint and contact: `onsets`, `ended`, `shortest_steps`, `under_resolved`, and
-    `impulse` [N s]."""
+    """Exact statistics by joint and contact: `onsets`, `ended`, `shortest_steps`, `under_resolved`,
+    and `impulse` [N s]."""
     faithful: bool
     """Whether the records of the result came out again, bit for bit."""
 
 
 def largest_impacts(result: Result, number: int) -> list[tuple[Contacts, int]]:
-    """The contacts with the largest peak forces, no two of them in the same `window`, largest
-    first, each as the contacts of its place and the index among them.
+    """The contacts with the largest peak forces, no two in the same `window`, largest first.
+
+    Each is given as the contacts of its place, and its index among them.
     """
     number = require_whole("number", number)
     step = result.audit.step
@@ -64,7 +65,7 @@ def largest_impacts(result: Result, number: int) -> list[tuple[Contacts, int]]:
 def window(place: Contacts, index: int, step: float) -> tuple[float, float]:
     """Start and end [s] of a window of up to `WINDOW_STEPS` around one of the contacts.
 
-    The whole contact if it fits; else the window begins with the contact if its peak fits, and
+    It has the whole contact if that fits; else it begins with the contact if its peak fits, and
     lies around the peak if not.
     """
     margin = MARGIN_STEPS * step
@@ -112,7 +113,7 @@ def replay(result: Result, windows: Sequence[tuple[float, float]]) -> Replay:
 
 
 def _phases(run: Run, simulation: Simulation) -> list[Phase]:
-    """The run's phases by rows of the records that were made, more than the regular ones."""
+    """The run's phases, with their rows among the records of a replay, which are more."""
     moments = (t for load in simulation.payloads for t in (load.pick, load.release))
     at = sorted(round(t / simulation.step) for t in moments if t is not None)
     recorded = np.rint(run.workspace.recorded("time") / simulation.step).astype(int)
@@ -128,7 +129,7 @@ def _phases(run: Run, simulation: Simulation) -> list[Phase]:
 
 
 def _statistics(run: Run) -> xr.Dataset:
-    """Counts and impulses by joint and contact; not a number where there is no such contact."""
+    """Counts and impulses by joint and contact; NaN where there is no such contact."""
     joints, names = run.mechanism.clearance, contact_names(run.mechanism)
     statistics = ("onsets", "ended", "shortest_steps", "under_resolved", "impulse")
     tables = {name: np.full((len(joints), len(names)), np.nan) for name in statistics}
@@ -150,21 +151,22 @@ class Impact:
     joint: str
     contact: str
     start: float
-    """Last step before it [s]; not a number if it began before the window."""
+    """Time of the last step before it [s]; NaN if it began before the window."""
     steps: int
     complete: bool
+    """Whether it began and ended within the window."""
     peak_force: float
-    """[N]."""
+    """Largest normal force [N]."""
     penetration: float
-    """Largest [m]."""
+    """Largest penetration [m]."""
     approach_speed: float
-    """Rate at which the gap closed in the last step before contact [m/s]; nan if not seen."""
+    """Rate at which the gap closed in the last step before contact [m/s]; NaN if not seen."""
     separation_speed: float
-    """Rate at which the gap opened in the first step after it [m/s]; nan if not seen."""
+    """Rate at which the gap opened in the first step after it [m/s]; NaN if not seen."""
 
 
 def follow(window: xr.Dataset, joint: str, contact: str) -> Impact:
-    """The contact with the window's largest normal force at one place, step by step."""
+    """Follow the contact with the window's largest normal force at one place, step by step."""
     at = {"joint": joint, "contact": contact}
     time = window["time"].values
     gap, force = window["gap"].sel(at).values, window["normal_force"].sel(at).values

@@ -1,7 +1,7 @@
-"""Error of the tool: its difference from the ideal mechanism's, at all times and at stops.
+"""Tool error: the difference of the tool's motion from the ideal mechanism's, and its statistics.
 
-Pure functions of results. They work on records, between which peaks are found by the recorded
-velocities; `replay` goes down to single steps.
+Functions of results, on their records; peaks between records are found by the recorded velocities
+(`tops`). `replay` goes down to single steps.
 """
 
 from __future__ import annotations
@@ -40,15 +40,15 @@ if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
 
 RATES = {"tool_position": "tool_velocity", "tool_orientation": "tool_angular_velocity"}
-"""Which history says how fast another changes."""
+"""The history that is the rate of another."""
 COMPONENTS = (*AXES, "total")
-"""Columns of accuracies and spectra: x, y, z, and all three together."""
+"""Columns of accuracies and spectra: x, y, z, and the total."""
 
 
 def deviation(result: Result, of: str = "tool_position") -> xr.DataArray:
     """Difference of the tool's motion from the ideal mechanism's at the same time.
 
-    By the histories of the ideal tool in the result, which are simulated if it has none.
+    The ideal tool's histories are those in the result; if it has none, they are simulated.
 
     Args:
         result: the run.
@@ -57,19 +57,21 @@ def deviation(result: Result, of: str = "tool_position") -> xr.DataArray:
             ``tool_angular_velocity`` [rad/s].
 
     Returns:
-        (time, axis), for the time that both runs cover; with how fast it changes as coordinate
-        `rate`, if it is a position or an orientation and velocities were recorded.
+        Array (time, axis), over the time that both runs cover; with its rate of change as
+        coordinate `rate`, for a position or an orientation if velocities were recorded.
 
     Raises:
         JointplayError: the result has no play, or its ideal mechanism cannot be simulated.
     """
     require_known("tool motion", of, TOOL_MOTIONS)
     find_tool_error(result)
-    return _judged(deviation_of(result.dataset, of), result)
+    error = deviation_of(result.dataset, of)
+    error.attrs["judge_from"] = result.judge_from
+    return error
 
 
-def deviation_of(dataset: xr.Dataset, of: str = "tool_position") -> xr.DataArray:
-    """The same of histories that have those of the ideal tool."""
+def deviation_of(dataset: xr.Dataset, of: str) -> xr.DataArray:
+    """The `deviation` in histories that include those of the ideal tool."""
     ideal = {
         name: dataset[f"ideal_{name}"].values
         for name in (of, RATES.get(of, ""))
@@ -94,8 +96,8 @@ def difference(
     Args:
         result, other: the two runs.
         of: see `deviation`.
-        relative_to: link or frame, whose motion does not count then: the tool's motion is that
-            which is seen from it, in its axes, in each of the two runs. None: the world.
+        relative_to: link or frame from which the tool's motion is seen, in its axes, in each of the
+            two runs, so that its own motion does not count. None: the world.
 
     Raises:
         MissingName: no such link or frame.
@@ -103,19 +105,15 @@ def difference(
     require_known("tool motion", of, TOOL_MOTIONS)
     if relative_to is not None:
         result, other = seen_from(result, relative_to), seen_from(other, relative_to)
-    error = _judged(Reference(other).difference(result.dataset, of), result)
+    error = Reference(other).difference(result.dataset, of)
+    error.attrs["judge_from"] = result.judge_from
     if relative_to is not None:
         error.attrs["long_name"] = f"{of.replace('_', ' ')} - reference, axes of {relative_to}"
     return error
 
 
-def _judged(error: xr.DataArray, result: Result) -> xr.DataArray:
-    error.attrs["judge_from"] = result.judge_from
-    return error
-
-
 def find_tool_error(result: Result, progress: bool = False) -> None:
-    """Give a result the histories `COMPARED`, if it has none: its ideal mechanism is simulated.
+    """Add the histories `COMPARED` to a result without them, by a run of its ideal mechanism.
 
     Raises:
         JointplayError: the result has no play, or its ideal mechanism cannot be simulated.
@@ -128,9 +126,9 @@ def find_tool_error(result: Result, progress: bool = False) -> None:
 
 
 def has_tool_error(result: Result, progress: bool = False) -> bool:
-    """Whether the error of a result's tool is known, or can be found, which is done then.
+    """Whether the tool error of a result is known, or can be found; then it is.
 
-    With a warning where the ideal mechanism cannot be simulated.
+    Warns where the ideal mechanism cannot be simulated.
     """
     if "tool_error" in result.dataset:
         return True
@@ -146,7 +144,7 @@ def has_tool_error(result: Result, progress: bool = False) -> bool:
 
 
 def measured_against(result: Result, ideal: Result) -> Result:
-    """The same run with its tool's error against a run of the ideal mechanism that is at hand.
+    """A copy of a result with its tool error against a given run of the ideal mechanism.
 
     Raises:
         JointplayError: `ideal` is not the result's twin.
@@ -170,13 +168,13 @@ def measured_against(result: Result, ideal: Result) -> Result:
 
 
 def compare_tools(result: Result, ideal: Result) -> None:
-    """Give a result the histories `COMPARED`, against this run of its ideal mechanism."""
+    """Add the histories `COMPARED` to a result, against this run of its ideal mechanism."""
     result.dataset = compared(result.dataset, Reference(ideal))
     result.dataset.attrs |= ideal_forces(result, ideal)
 
 
 def ideal_forces(result: Result, ideal: Result) -> dict[str, str]:
-    """What a result says of the ideal linkage: the largest force in each of its pins [N]."""
+    """Attribute of a result with the largest force in each pin of the ideal linkage [N]."""
     if "reaction_force" not in ideal.dataset:
         return {}
     forces = ideal["reaction_force"].sel(time=ideal.time >= result.judge_from)
@@ -186,9 +184,9 @@ def ideal_forces(result: Result, ideal: Result) -> dict[str, str]:
 
 
 def compared(dataset: xr.Dataset, ideal: Reference) -> xr.Dataset:
-    """Histories with `COMPARED` among them, NaN where the ideal mechanism's run has ended.
+    """Histories with `COMPARED` added, NaN where the ideal mechanism's run has ended.
 
-    Those of what is not among the histories are left out.
+    Those of tool motions that are not among the histories are left out.
     """
     dataset = dataset.drop_vars(COMPARED, errors="ignore")
     time = dataset["time"].values
@@ -214,7 +212,7 @@ def _with(dataset: xr.Dataset, histories: Mapping[str, np.ndarray]) -> xr.Datase
 
 
 def seen_from(result: Result, body: str) -> Result:
-    """The same run with the tool's motion seen from a body (link or frame), in its axes."""
+    """A result with the tool's motion as seen from a body (link or frame), in its axes."""
     mechanism = result.simulation.mechanism
     model = mechanism.model
     base, tool = (
@@ -236,13 +234,13 @@ def seen_from(result: Result, body: str) -> Result:
 
 
 class Reference:
-    """The motion of a tool from which another's is told, at any time that its run covers.
+    """The motion of a tool, at any time of its run, as the reference for another's.
 
-    What is between its records is interpolated, see `difference`.
+    Between records it is interpolated; see `difference`.
 
     Args:
-        run: whose tool it is.
-        prefix: ``ideal_`` for that of the ideal mechanism that the run was compared with.
+        run: the run with the tool.
+        prefix: ``ideal_`` for the tool of the ideal mechanism that the run was compared with.
 
     Attributes:
         until: the last time that it covers [s].
@@ -261,10 +259,10 @@ class Reference:
         # Times that are multiples of another step differ in their last bits.
         self._rounding = 1e-9 * max(last, 1e-3)
         self.until = last + self._rounding
-        self._between: dict[str, Callable[[np.ndarray], Any]] = {}
+        self._curves: dict[str, Callable[[np.ndarray], Any]] = {}
 
     def at(self, of: str, time: np.ndarray) -> np.ndarray:
-        """One of its motions at these times (n, 3 or 4); NaN after its end."""
+        """The tool motion `of` at these times, (n, 3 or 4); NaN after its end."""
         values = self._motions[of]
         motion = np.full((len(time), values.shape[1]), np.nan)
         covered = time[time <= self.until]
@@ -278,13 +276,13 @@ class Reference:
         elif len(values) < 2:
             raise JointplayError(f"the reference has {len(values)} record; it needs at least 2")
         else:
-            if of not in self._between:
-                self._between[of] = _between(self._time, self._motions, of)
-            motion[: len(covered)] = self._between[of](covered)
+            if of not in self._curves:
+                self._curves[of] = _interpolation(self._time, self._motions, of)
+            motion[: len(covered)] = self._curves[of](covered)
         return motion
 
     def difference(self, dataset: xr.Dataset, of: str) -> xr.DataArray:
-        """Of the histories of another run, or of a part of it; see `difference`."""
+        """Difference of the histories of another run, or of a part of it; see `difference`."""
         dataset = dataset.isel(time=dataset["time"].values <= self.until)
         time = dataset["time"].values
         names = (name for name in (of, RATES.get(of)) if name in self._motions)
@@ -292,12 +290,12 @@ class Reference:
 
 
 def ideal_tool(result: Result) -> Reference | None:
-    """The motion of the ideal mechanism's tool, if it is known or can be found."""
+    """The motion of the ideal mechanism's tool; None if it can be neither read nor simulated."""
     return Reference(result, "ideal_") if has_tool_error(result) else None
 
 
 def _error(dataset: xr.Dataset, ideal: Mapping[str, np.ndarray], of: str) -> xr.DataArray:
-    """Histories less a reference's at the same times, with the `rate` where that is known."""
+    """Histories less a reference's at the same times, with their `rate` where that is known."""
     ours = dataset[of]
     error: xr.DataArray
     if of == "tool_orientation":
@@ -320,7 +318,7 @@ def _error(dataset: xr.Dataset, ideal: Mapping[str, np.ndarray], of: str) -> xr.
 
 
 def rotations(quaternions: np.ndarray) -> Rotation:
-    """Orientations that are recorded with the scalar first, (n, 4); refused if they are none."""
+    """Rotations of recorded quaternions (n, 4), scalar first; refused if they are no rotations."""
     from scipy.spatial.transform import Rotation  # takes long to import
 
     size = np.linalg.norm(quaternions, axis=1)
@@ -334,13 +332,14 @@ def rotations(quaternions: np.ndarray) -> Rotation:
 
 
 def _turns(ours: np.ndarray, reference: np.ndarray) -> np.ndarray:
-    """Rotation vectors that turn a reference into ours, both as they are recorded, (n, 3)."""
+    """Rotation vectors from a reference to ours, both quaternions (n, 4): shape (n, 3)."""
     return np.asarray((rotations(ours) * rotations(reference).inv()).as_rotvec())
 
 
-def _between(
+def _interpolation(
     time: np.ndarray, motions: Mapping[str, np.ndarray], of: str
 ) -> Callable[[np.ndarray], Any]:
+    """The tool motion `of` as a function of time; see `difference`."""
     from scipy.interpolate import CubicHermiteSpline, CubicSpline  # takes long to import
     from scipy.spatial.transform import RotationSpline
 
@@ -355,9 +354,9 @@ def _between(
 
 @dataclass(frozen=True)
 class ErrorStatistics:
-    """Tool error over a run along x, y, z and in all [m], arrays of shape (4,).
+    """Tool error over a run along x, y, z, and in total [m], arrays of shape (4,).
 
-    The total's mean, RMS and peak are those of the distance from the ideal tool.
+    The total is the distance from the ideal tool.
     """
 
     mean: np.ndarray
@@ -367,7 +366,7 @@ class ErrorStatistics:
 
 
 def time_weights(time: np.ndarray) -> np.ndarray:
-    """Weights of records in a mean over time, (n,): what is between them is linear."""
+    """Weights of records in a mean over time, by the trapezium rule, (n,)."""
     if len(time) < 2:
         return np.ones(len(time))
     half = 0.5 * np.diff(time) / (time[-1] - time[0])
@@ -380,14 +379,15 @@ def rms_in_time(time: np.ndarray, values: np.ndarray) -> np.ndarray:
 
 
 def tops(time: np.ndarray, sizes: np.ndarray, rates: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Largest of a size since the record before each record, and that with its error added, (n,).
+    """Largest size in the interval before each record, and that plus its error, (n,) each.
 
-    Cubics through the sizes and their rates at records tell it where it grows at one and shrinks
-    at the next, at most up to where their tangents meet. A rate that jumps between, as by an
-    impact, by D in the interval h, makes that wrong by at most D h / 8; the curvatures of
-    neighbouring cubics then jump by 2 D / h more at its end than at its begin.
+    Where the size grows at one record and shrinks at the next, the peak between is that of the
+    cubic through sizes and rates, but no higher than where the tangents meet. If the rate jumps by
+    D within the interval h, as by an impact, that is wrong by at most D h / 8; the curvatures of
+    neighbouring cubics then jump by 2 D / h more at the interval's end than at its begin.
     """
     top, most = sizes.copy(), sizes.copy()
+    # Cubics low + x (begin + x (square + x cube)) in each interval, x from 0 to 1.
     step, rise = np.diff(time), np.diff(sizes)
     begin, end = step * rates[:-1], step * rates[1:]
     square, cube = 3.0 * rise - 2.0 * begin - end, begin + end - 2.0 * rise
@@ -409,7 +409,7 @@ def tops(time: np.ndarray, sizes: np.ndarray, rates: np.ndarray) -> tuple[np.nda
 
 
 def growth(vectors: np.ndarray, rates: np.ndarray) -> np.ndarray:
-    """How fast vectors grow that change at these rates, both (n, 3), as (n,)."""
+    """Rate at which the lengths of vectors (n, 3) grow that change at `rates` (n, 3): (n,)."""
     sizes = np.linalg.norm(vectors, axis=1)
     along = np.einsum("ij,ij->i", vectors, rates)
     return np.divide(along, sizes, out=np.zeros_like(sizes), where=sizes > 0.0)
@@ -422,7 +422,7 @@ def _with_total(vectors: np.ndarray) -> np.ndarray:
 def error_statistics(error: xr.DataArray, start: float | None = None) -> ErrorStatistics:
     """Mean, RMS and peak of the tool's `deviation` from the time `start` [s] on.
 
-    None: from when on the run is judged, `Result.judge_from`.
+    None: from `Result.judge_from` on.
     """
     begin = error.attrs.get("judge_from", 0.0) if start is None else start
     start = require_finite("start", begin, "s")
@@ -446,7 +446,7 @@ def error_statistics(error: xr.DataArray, start: float | None = None) -> ErrorSt
 
 @dataclass(frozen=True)
 class Stop:
-    """An instant, or an interval, at which the reference motion reaches a waypoint."""
+    """An instant, or an interval, at which the reference motion is at a waypoint."""
 
     start: float
     """Arrival [s]."""
@@ -462,20 +462,20 @@ class Stop:
 
 
 _OSCILLATION = 3e-3
-"""Speed at a waypoint at which the reference rests, at most, relative to that of the way there or
-on; 2e-3 was found at lines of ten points, the coarsest."""
+"""Largest speed at a waypoint at which the reference counts as resting, relative to that on the way
+there or on; 2e-3 was found at lines of ten points, the coarsest."""
 
 
 _RESTS = 0.1
-"""Acceleration at a sample at which a spline rests, at most, relative to its largest: judged. A
-sine turns round with all of it, motion from rest to rest ends with none."""
+"""Largest acceleration at a sample at which a spline counts as resting, relative to the motion's
+largest: judged. A sine turns round with all of it, motion from rest to rest ends with none."""
 
 
 def stops(motion: Motion, end: float) -> list[Stop]:
     """Waypoints of the reference motion up to the time `end` [s], pauses joined into dwells.
 
-    A tool picks and places while the reference dwells: what its error is at the end of a dwell is
-    what the process gets.
+    A tool picks and places while the reference dwells: its error at the end of a dwell is that of
+    the process.
     """
     end = require_finite("end", end, "s")
     times, positions = motion.waypoints
@@ -486,7 +486,7 @@ def stops(motion: Motion, end: float) -> list[Stop]:
     # A spline through the points of a line oscillates a little at the line's ends.
     beside = _OSCILLATION * np.maximum(np.append(fastest, 0.0), np.insert(fastest, 0, 0.0))
     around = np.maximum(beside[:-1], beside[1:])
-    # Of the waypoints as given: the curve's own values differ by rounding.
+    # By the waypoints as given: the curve's own values differ by rounding.
     same = (np.abs(np.diff(positions, axis=0)) <= 1e-12).all(axis=1)
     still = same & (fastest <= np.maximum(limit, around))
     resting = speed <= np.maximum(limit, beside)
@@ -511,6 +511,6 @@ def stops(motion: Motion, end: float) -> list[Stop]:
 
 
 def error_at(error: xr.DataArray, time: float) -> np.ndarray:
-    """Tool error along x, y, z and in all at the record nearest to `time` [s]: (4,) [m]."""
+    """Tool error along x, y, z, and in total at the record nearest to `time` [s]: (4,) [m]."""
     time = require_finite("time", time, "s")
     return _with_total(error.sel(time=[time], method="nearest").values)[0]

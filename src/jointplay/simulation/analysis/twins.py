@@ -1,4 +1,8 @@
-"""Twins of a run, the same work without one cause of error after the other, and its inputs."""
+"""Twins of a run: the same work by a machine without one cause of error after the other.
+
+The ideal twin (`ideal_simulation`) is what the tool error is measured against; `without` takes out
+play alone, or the drives. The inputs of a result, by which twins are told, are read here too.
+"""
 
 from __future__ import annotations
 
@@ -35,7 +39,7 @@ if TYPE_CHECKING:
     from jointplay.simulation.simulation import Simulation
 
 TOOL_MOTIONS = ("tool_position", "tool_velocity", "tool_orientation", "tool_angular_velocity")
-"""Histories of the tool that are measured against those of the ideal mechanism."""
+"""Histories of the tool that are compared with those of the ideal mechanism."""
 SLIDING_KINDS = {name for name, kind in JOINT_KINDS.items() if issubclass(kind, SlidingClearance)}
 """Kinds of joint whose surfaces slide on each other."""
 ROLLING_KINDS = {name for name, kind in JOINT_KINDS.items() if issubclass(kind, RollingBearing)}
@@ -45,7 +49,7 @@ _MAY_DIFFER = (
     *("mechanism", "duration", "step", "integrator", "macro_step", "tolerance"),
     *("record_every", "seed", "settle", "judge_from"),
 )
-"""Inputs in which a run and the ideal run that it is measured against may differ."""
+"""Inputs in which a run and its ideal twin may differ."""
 
 
 def inputs(result: Result) -> dict[str, Any]:
@@ -63,29 +67,23 @@ def clearance_inputs(result: Result) -> dict[str, dict[str, Any]]:
 def hinges(result: Result) -> set[str]:
     """Joints of a result that are hinges of flexible links.
 
-    Nothing is built unless a joint has the name of one.
+    The mechanism is built only if a joint has a name like theirs.
     """
     if not any(HINGE in name for name in result.joints):
         return set()
     return {name for names in result.simulation.mechanism.hinges.values() for name in names}
 
 
-def at_joint(result: Result, joint: str) -> str:
-    """What the names of a joint's figures end with: nothing where there is only one."""
-    soft = hinges(result)
-    return "" if len(set(result.joints) - soft) == 1 else f", {joint}"
-
-
 def rolls(result: Result, joint: str) -> bool:
-    """Whether a joint with clearance has rolling elements: by the inputs, nothing is built."""
+    """Whether a joint with clearance has rolling elements, by the inputs alone."""
     return clearance_inputs(result).get(joint, {}).get("kind") in ROLLING_KINDS
 
 
 def clearance_outline(result: Result, joint: str) -> np.ndarray | None:
-    """Closed line within which the journal's centre can move untilted, bearing x and y (2, n) [m].
+    """Closed line within which the centre of an untilted journal moves, bearing x and y (2, n) [m].
 
-    The clearance circle, that of a rolling bearing in operation, or for a slider the rectangle of
-    its clearances; None if the inputs tell neither, or without play.
+    It is the clearance circle (of a rolling bearing that in operation), or the rectangle of a
+    slider's clearances; None if the inputs have neither, or without play.
     """
     joint_inputs = clearance_inputs(result).get(joint, {})
     angle = np.linspace(0.0, 2.0 * np.pi, 361)
@@ -122,14 +120,14 @@ def rim_centres(result: Result, joint: str) -> np.ndarray:
 
 
 def journal_poses(result: Result, joint: str) -> np.ndarray:
-    """By records: the journal's centre [m], and its orientation row by row, in the bearing (12)."""
+    """Poses of a journal in its bearing over time: centre [m], rotation row by row; (n, 12)."""
     mechanism = result.simulation.mechanism
     pairs = [mechanism.frames(joint)]
     return mechanism.tree.motion(result["q"].values, pairs=pairs).poses[0]
 
 
 def places(result: Result, joint: str) -> list[str]:
-    """Names of the contacts of `joint`; other joints' contacts hold no numbers there."""
+    """Names of the contacts of `joint`; where it has none of a name, histories hold NaN."""
     require_known("clearance joint", joint, result.joints)
     gaps = result["gap"].sel(joint=joint)
     if not gaps.sizes["time"]:
@@ -141,15 +139,15 @@ def places(result: Result, joint: str) -> list[str]:
 def task(result: Result) -> dict[str, Any]:
     """Inputs that a run must share with its ideal twin: mechanism, motion, drives, loads, start.
 
-    How it did start, that is. None: without play nothing gives way at the start, and it is the same
-    at rest and centred.
+    The start is that which it did take; None for a run without play, where nothing gives way and
+    both starts are the same.
     """
     description = inputs(result)
     if result.beside is not None:
         description["motion"] = result.beside
     description["state"] = _state(description)
     if description["start"] is None and has_play(result):
-        description["start"] = "centred"  # nothing was to be found
+        description["start"] = "centred"  # no equilibrium was searched
     loads = {name: load | {"play": 0.0} for name, load in _loose(description).items()}
     description["loads"] = description["loads"] | loads
     mechanism = description["mechanism"]
@@ -172,7 +170,9 @@ def task(result: Result) -> dict[str, Any]:
 
 
 def _through_teeth(simulation: Simulation) -> dict[str, Drive]:
-    """Its drives if some have a bandwidth that teeth allow, which its twin may lack; else none."""
+    """The drives, if teeth lower the bandwidth of some, which a twin without teeth must be given;
+    else none.
+    """
     from jointplay.simulation.initial import settled_drives  # takes long to import
 
     settled = settled_drives(simulation)
@@ -182,7 +182,7 @@ def _through_teeth(simulation: Simulation) -> dict[str, Drive]:
 
 @lru_cache(maxsize=8)
 def _without_armature(text: str) -> tuple[str, dict[str, float]]:
-    """A robot's text in which no armature stands, in one form, and that armature."""
+    """A robot's text without armature, in canonical form, and its armature by joint."""
     root = ElementTree.fromstring(text)
     armature: dict[str, float] = {}
     if (element := root.find(BEYOND)) is not None:
@@ -197,10 +197,10 @@ def _without_armature(text: str) -> tuple[str, dict[str, float]]:
 
 
 def _state(description: dict[str, Any]) -> dict[str, list[float | None]]:
-    """What is given of the state at the start, as the ideal mechanism has it.
+    """The given state at the start, by the coordinates of the ideal mechanism.
 
-    What only play has is left out: journals aside of their bearings, carriages, and motors turned
-    against their joints. The coordinate that a joint has without clearance too is the joint's.
+    Coordinates that only play has are left out: of journals aside of their bearings, carriages, and
+    motors turned against their joints. The coordinate that the ideal joint has too is the joint's.
     """
     mechanism = description["mechanism"]
     known = stored_coordinates(mechanism)
@@ -222,7 +222,7 @@ def _state(description: dict[str, Any]) -> dict[str, list[float | None]]:
 
 
 def has_play(result: Result) -> bool:
-    """Whether a joint has clearance, or a gear play."""
+    """Whether a joint has clearance, or there are gears or teeth with play."""
     given = inputs(result)
     return bool(result.joints or given["mechanism"].get("gears") or _loose(given))
 
@@ -241,17 +241,18 @@ def is_twin(result: Result, ideal: Result) -> bool:
 
 
 def twin(result: Result, progress: bool = False) -> Result:
-    """Run the `ideal_simulation` of a result, with a bar on standard error for `progress`."""
+    """Run the `ideal_simulation` of a result; `progress`: show a bar on standard error."""
     simulation = ideal_simulation(result)
-    # With loops, a step that resolves impacts is far smaller than motion without them asks for.
+    # With loops, a step that resolves impacts is far smaller than motion without impacts needs.
     check_step = not simulation.mechanism.loops
     return simulation.run(progress, check_step=check_step, estimate=False)
 
 
 _MOST_RECENT, _LARGE_BYTES = 6, 1e7
+"""Number of results in `_recent`, and the largest size of each [bytes]."""
 _recent: OrderedDict[str, Result] = OrderedDict()
-"""The last twins' motions, by what was run: whoever judges a run asks for the same ones. Those of
-more bytes than `_LARGE_BYTES` are run again, lest memory grow with the length of runs."""
+"""Motions of the last twins, by their simulation: several judgements of a run need the same ones.
+Larger ones are run again, lest memory grow with the length of runs."""
 
 
 def tool_motion(
@@ -260,11 +261,10 @@ def tool_motion(
     stop: Callable[[], bool] = lambda: False,
     also: Sequence[str] = (),
 ) -> Result:
-    """A twin's run, of which only the tool's motion is kept, and what is `also` asked for; of a
-    free base that of all bodies.
+    """Run a twin, and keep only the tool's motion with the histories named in `also`.
 
-    Forces in its joints are found of linkages alone, and not how far it is off because of its step.
-    It is interrupted as soon as `stop` says so.
+    With a free base q and v are kept, of linkages the forces in their joints. The step is not
+    checked. The run is interrupted as soon as `stop` returns True.
     """
     from jointplay.simulation.run import Run  # takes long to import
 
@@ -274,7 +274,7 @@ def tool_motion(
         run.label = "the ideal mechanism "
         run.stop_checks.append(stop)
         status = run.run_to_end(progress)
-        # Seen from a free base it needs all velocities.
+        # To be seen from a free base, the tool needs all velocities.
         more = ("q", "v") if simulation.mechanism.free_base is not None else ()
         if simulation.mechanism.loops:  # beside which the forces of loose pins are judged
             more = (*more, "reaction_force")
@@ -288,22 +288,22 @@ def tool_motion(
     return _recent[key]
 
 
-def without(result: Result, cause: str, progress: bool = False) -> Result | None:
-    """The tool's motion in a run without one cause of its error, of what causes are left.
+def without(result: Result, cause: str) -> Result | None:
+    """The tool's motion without a cause of its error, and without those that come before it.
 
-    They are taken out one after the other: ``"play"`` and ``"elasticity"`` as
-    `Mechanism.without` has it, then the ``"drive"``: where the tool is if each joint is exactly
-    where the motion has it at that time. Nothing is run for that.
+    Causes are taken out one after the other: ``"play"`` and ``"elasticity"`` as in
+    `Mechanism.without`, then the ``"drive"``: the tool's motion if each joint is exactly where the
+    motion has it, for which nothing is run.
 
     Returns:
-        None if the motion does not say where all joints are: without one, with free joints, or with
-        a free base. In closed loops only servos are told from the motion.
+        A result; None if the motion does not determine all joints: without a motion, with free
+        joints, or with a free base. In closed loops it is None unless there are servos.
 
     Raises:
         JointplayError: the twin cannot be simulated, or did not run to its end.
     """
     if cause != "drive":
-        run = tool_motion(ideal_simulation(result, cause), progress)
+        run = tool_motion(ideal_simulation(result, cause))
         return run.completed(f"the machine without {cause}")
     from jointplay.simulation.initial import initial_state  # these take long to import
     from jointplay.simulation.loads.drive import Servo
@@ -315,7 +315,7 @@ def without(result: Result, cause: str, progress: bool = False) -> Result | None
         return None
     drives = assign(mechanism, motion, simulation.drive)
     driven = [name for name, drive in drives.items() if drive.follows]
-    # Loops are closed at nodes, between which other drives are nearer than a spline.
+    # Loops are closed at nodes; between them, drives other than servos are nearer than the spline.
     nearer = mechanism.loops and not any(isinstance(acting, Servo) for acting in drives.values())
     if nearer or (len(driven) < len(drives) and not mechanism.loops):
         return None
@@ -334,7 +334,7 @@ def without(result: Result, cause: str, progress: bool = False) -> Result | None
 
 
 def _start(simulation: Simulation) -> str:
-    """How a run begins: at rest only where an equilibrium is found."""
+    """Start of a run, ``rest`` or ``centred``: at rest only if an equilibrium is found."""
     if simulation.start is None and simulation.starts_at_rest:
         from jointplay.simulation.run import Run  # takes long to import
 
@@ -343,16 +343,16 @@ def _start(simulation: Simulation) -> str:
 
 
 def ideal_simulation(source: Simulation | Result, without: str = "elasticity") -> Simulation:
-    """The ideal mechanism doing the same work: what a tool's error is measured against.
+    """The ideal mechanism doing the same work: the reference of the tool error.
 
-    By the run's own method, whose error both then share; where there are closed loops not by a
-    method of first order, which leaves them: in a turn of the slider-crank by 0.2 µm, the
+    It runs by the run's own method, whose error both then share; but in closed loops not by a
+    method of first order, which lets them drift: in a turn of the slider-crank by 0.2 µm, the
     multi-rate method by 1e-4 µm.
 
     It begins as the run does: where drives give way and loads bend, both at rest or neither.
 
     Args:
-        source: the run with play; of a result, for as long as it lasted.
+        source: the simulation with play, or a result, which gives its duration too.
         without: see `Mechanism.without`; ``"play"`` leaves elasticity.
     """
     changes: dict[str, Any] = {}

@@ -1,4 +1,4 @@
-"""From samples to statements: quantiles with confidence, and how many runs are enough."""
+"""Statistics of samples: estimates with confidence intervals, and how many runs are enough."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from jointplay.base.tables import Column, Table
 
 STATISTICS = ("mean", "quantile", "std")
 CONFIDENCE = 0.95
-"""Of intervals, where nobody asks for another."""
+"""Default level of confidence intervals."""
 RESAMPLES = 400
-"""Bootstrap samples of a confidence interval of a standard deviation."""
+"""Number of bootstrap samples for the confidence interval of a standard deviation."""
 
 
 def standard_error(values: Any) -> float:
-    """Standard error of the mean of independent values; not a number of one."""
+    """Standard error of the mean of independent values; NaN for fewer than two."""
     if len(values) < 2:
         return math.nan
     return float(np.std(values, ddof=1) / math.sqrt(len(values)))
@@ -30,7 +30,7 @@ def standard_error(values: Any) -> float:
 
 @dataclass(frozen=True)
 class IntervalEstimate:
-    """A figure of independent runs, and its confidence interval."""
+    """An estimate from independent runs, with its confidence interval."""
 
     value: float
     low: float
@@ -39,14 +39,16 @@ class IntervalEstimate:
 
     @property
     def relative(self) -> float:
-        """Half the width of the interval over the value; inf where nothing is known."""
+        """Half the width of the interval over the value; inf if the interval is not finite."""
         if not np.isfinite([self.low, self.high]).all() or self.value == 0.0:
             return float("inf") if self.high != self.low or self.value != 0.0 else 0.0
         return 0.5 * (self.high - self.low) / abs(self.value)
 
     @property
     def plus_minus(self) -> str | None:
-        """The figure ± half the interval with two digits, itself with at most four."""
+        """The value ± half the interval's width, with two digits of that and at most four digits in
+        all; None without a value.
+        """
         half, value = 0.5 * (self.high - self.low), self.value
         if not math.isfinite(value):
             return None
@@ -59,7 +61,7 @@ class IntervalEstimate:
         return f"{round(value, -last):.{places}f}\u00a0±\u00a0{round(half, -last):.{places}f}"
 
     def text(self, scale: float, unit: str) -> str:
-        """The figure with its interval, in the unit that is `scale` times smaller."""
+        """The value with its interval, in a `unit` that is `scale` times smaller."""
         return f"{scale * self.value:.4g} {unit} [{scale * self.low:.4g}, {scale * self.high:.4g}]"
 
 
@@ -74,7 +76,7 @@ class Until:
     probability: Quantity = quantity("", default=0.5)
     confidence: Quantity = quantity("", default=CONFIDENCE)
     most: int = 65536
-    """Samples after which it ends in any case."""
+    """Number of samples after which it ends in any case."""
 
     def __post_init__(self) -> None:
         for word in ("precision", "probability", "confidence"):
@@ -103,22 +105,21 @@ def interval_estimate(
     probability: float = 0.5,
     confidence: float = CONFIDENCE,
 ) -> IntervalEstimate:
-    """A statistic of independent values, with its confidence interval.
+    """Estimate a statistic of independent values, with its confidence interval.
 
-    The mean's interval is Student's. The quantile's is the one between order statistics, which
-    supposes nothing of the distribution (David, Nagaraja, Order Statistics, 2003, 7.1); it is
-    infinite where there are too few values. The standard deviation's is the bootstrap's, with fixed
-    random numbers. Of Sobol samples, which fill space more evenly than independent ones, intervals
-    are wider than need be.
+    The mean's interval is Student's. The quantile's is between order statistics, free of the
+    distribution (David, Nagaraja, Order Statistics, 2003, 7.1); it is infinite where there are too
+    few values. The standard deviation's is by bootstrap, with fixed random numbers. For Sobol
+    samples, which fill space more evenly than independent ones, intervals are wider than need be.
 
     Args:
-        values: any shape; those that are not finite are left out.
+        values: values of any shape; those that are not finite are left out.
         statistic: one of `STATISTICS`.
-        probability: of the quantile.
-        confidence: of the interval.
+        probability: probability of the quantile.
+        confidence: level of the interval.
 
     Raises:
-        JointplayError: no such statistic, a probability that is none.
+        JointplayError: no such statistic, or a probability outside 0 to 1.
     """
     if statistic not in STATISTICS:
         raise JointplayError(one_of("statistic", statistic, STATISTICS))
@@ -132,7 +133,7 @@ def interval_estimate(
     if statistic == "quantile":
         from scipy import stats
 
-        # Positions of the order statistics that enclose it; -1 or n where there are none.
+        # Ranks of the order statistics that enclose it; -1 or n where there are none.
         tail = (1.0 - confidence) / 2.0
         low = int(stats.binom.ppf(tail, n, probability)) - 1
         high = int(stats.binom.ppf(1.0 - tail, n, probability))
@@ -156,7 +157,7 @@ def interval_estimate(
 def convergence(
     values: np.ndarray, statistic: str = "mean", probability: float = 0.5, points: int = 40
 ) -> list[IntervalEstimate]:
-    """The estimate after the first runs, up to all of them, at numbers equally spaced by ratio."""
+    """Estimates from the first 2, ... up to all runs, at numbers in a geometric sequence."""
     x = np.asarray(values, float).ravel()
     if len(x) < 2:
         return [interval_estimate(x, statistic, probability)]
@@ -165,7 +166,7 @@ def convergence(
 
 
 def enough(history: list[IntervalEstimate], precision: float) -> int | None:
-    """Runs after which the relative precision was reached and kept; None if it was not."""
+    """Number of runs from which on the relative precision was kept; None if it was not."""
     runs = None
     for estimate in history:
         if estimate.relative > precision:
@@ -177,17 +178,17 @@ def enough(history: list[IntervalEstimate], precision: float) -> int | None:
 
 @dataclass(frozen=True)
 class SobolIndices:
-    """What share of a measure's variance each of d quantities causes, with 95 % confidence."""
+    """Shares of a measure's variance that d quantities cause, with 95 % confidence intervals."""
 
     names: tuple[str, ...]
     first: np.ndarray
-    """Alone, shape (d,)."""
+    """First-order indices, of each quantity alone, shape (d,)."""
     first_confidence: np.ndarray
-    """Half-width of its interval, shape (d,)."""
+    """Half-widths of their intervals, shape (d,)."""
     total: np.ndarray
-    """Together with all others, shape (d,)."""
+    """Total indices, of each quantity with its interactions, shape (d,)."""
     total_confidence: np.ndarray
-    """Half-width of its interval, shape (d,)."""
+    """Half-widths of their intervals, shape (d,)."""
 
     @property
     def table(self) -> Table:
@@ -209,12 +210,12 @@ def salib() -> Any:
 def sobol_indices(values: np.ndarray, names: tuple[str, ...]) -> SobolIndices:
     """Sobol indices of values at the points of a saltelli design, with 95 % confidence.
 
-    First-order and total ones by Saltelli et al. (2010), Comput. Phys. Commun. 181, 259-270, as
-    SALib has them.
+    First-order and total indices are those of Saltelli et al. (2010), Comput. Phys. Commun. 181,
+    259-270, as SALib computes them.
 
     Args:
-        values: at the design's points in order, shape (n (d + 2),).
-        names: of the d sampled quantities.
+        values: values at the design's points in order, shape (n (d + 2),).
+        names: names of the d sampled quantities.
 
     Raises:
         JointplayError: SALib is not installed, or a value is missing.

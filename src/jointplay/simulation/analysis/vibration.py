@@ -1,4 +1,4 @@
-"""Spectra of the tool's vibration, and rattle: how often loose joints strike, and how hard."""
+"""Vibration of the tool as spectra, and rattle: how often loose joints strike, and how hard."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ SPECTRA = {
     "acceleration_error": "(m/s^2)^2/Hz",
     "deviation": "m^2/Hz",
 }
-"""What a spectrum can be of, with units."""
+"""Signals of which there are spectra, and the units of these."""
 
 
 def spectrum(
@@ -36,8 +36,8 @@ def spectrum(
 ) -> xr.DataArray:
     """Power spectral density of the tool's vibration by Welch's method.
 
-    One-sided; Hann windows of `segment` samples that overlap by half, each less its mean. The
-    acceleration is the mean one of each record interval h, (v[i+1] - v[i])/h: exact but for the
+    The density is one-sided; Hann windows of `segment` samples overlap by half, each less its mean.
+    The acceleration is the mean of each record interval h, (v[i+1] - v[i])/h: exact but for the
     running mean over h, which lowers the density by sinc^2(f h), 0.41 at the Nyquist frequency.
 
     P. D. Welch, The use of fast Fourier transform for the estimation of power spectra, IEEE Trans.
@@ -45,13 +45,13 @@ def spectrum(
 
     Args:
         result: the run, recorded at even intervals.
-        of: ``acceleration`` [(m/s^2)^2/Hz], ``acceleration_error``, the same less the ideal tool's,
-            or ``deviation`` from the ideal tool [m^2/Hz].
+        of: ``acceleration`` [(m/s^2)^2/Hz], ``acceleration_error``, less that of the ideal tool, or
+            ``deviation`` from the ideal tool [m^2/Hz].
         start: records before this are left out [s]; None: before the run is judged.
         segment: samples in a window; shorter if the run has fewer.
 
     Returns:
-        (frequency, axis) with axis x, y, z, total (the sum), frequency in Hz; attributes
+        Array (frequency, axis) with frequency in Hz and axis x, y, z, total (the sum); attributes
         `sampling_frequency_hz`, `window_s`, `windows`.
 
     Raises:
@@ -93,7 +93,7 @@ def spectrum(
 
 
 def _welch(values: np.ndarray, interval: float, length: int) -> tuple[np.ndarray, np.ndarray]:
-    """Frequencies and densities of columns; `scipy.signal`, which has it, takes long to import."""
+    """Frequencies and densities of columns (`scipy.signal`, which has it, takes long to import)."""
     window = 0.5 - 0.5 * np.cos(2.0 * np.pi * np.arange(length) / length)
     windows = sliding_window_view(values, length, axis=0)[:: length - length // 2]
     windows = windows - windows.mean(axis=-1, keepdims=True)
@@ -104,7 +104,7 @@ def _welch(values: np.ndarray, interval: float, length: int) -> tuple[np.ndarray
 
 
 BANDS_HZ = (100.0, 1000.0, 10e3)
-"""Where the bands of the spectrum meet; the last one ends where the records do [Hz]."""
+"""Frequencies at which bands of the spectrum meet; the last ends at half the records' [Hz]."""
 
 
 @dataclass(frozen=True)
@@ -112,9 +112,9 @@ class Band:
     """A band of the spectrum of the tool's acceleration."""
 
     low: float
-    """[Hz]."""
+    """Lower edge [Hz]."""
     high: float
-    """[Hz]."""
+    """Upper edge [Hz]."""
     rms: float
     """Root mean square of the acceleration within the band [m/s^2]."""
 
@@ -129,21 +129,22 @@ class Band:
 
 @dataclass(frozen=True)
 class Rattle:
-    """What the contacts of a run come to, from `start` on."""
+    """Impacts of a run and the vibration of its tool, from `start` on."""
 
     start: float
-    """[s]."""
+    """Time from which the run is judged [s]."""
     duration: float
-    """[s]."""
+    """Time from there to the end [s]."""
     impacts: int
-    """Contacts that began, of all joints; a journal that bounces counts with each bounce."""
+    """Number of contacts that began, in all joints; each bounce of a journal counts."""
     lost: float
     """Energy lost normal to the surfaces, which impacts turn into sound and heat [J]."""
     bands: tuple[Band, ...]
+    """Bands of the tool's acceleration."""
     turns: float | None = None
-    """Of a crank at constant speed in that time; None where no single one turns."""
+    """Turns of a crank at constant speed in that time; None where no single one turns."""
     against_ideal: bool = False
-    """Whether it is that of the difference from the ideal twin, or that of the whole motion."""
+    """Whether the acceleration is that of the difference from the ideal twin, or of the motion."""
 
     @property
     def rate(self) -> float:
@@ -162,7 +163,7 @@ class Rattle:
 
     @property
     def impacts_words(self) -> str:
-        """How often and how hard contacts begin, without the tool's vibration."""
+        """Rate, energy and power of impacts, in words."""
         text = f"rattle: {counted(_three(self.rate), 'impact')} a second"
         if self.turns and self.impacts:
             text += f", {_three(self.impacts / self.turns)} a turn,"
@@ -184,8 +185,8 @@ class Rattle:
 def rattle(result: Result) -> Rattle:
     """Impacts a second, their energy, and the tool's vibration in bands of frequency.
 
-    All from when on the run is judged. The bands meet at `BANDS_HZ` and end at half the frequency
-    of the records; each is the sum of the density that `spectrum` finds, less the motion of the
+    All count from `Result.judge_from` on. The bands meet at `BANDS_HZ` and end at half the
+    frequency of the records; each is the sum of the density of `spectrum`, less the motion of the
     ideal tool where that is known.
 
     Raises:
@@ -211,7 +212,7 @@ def rattle(result: Result) -> Rattle:
 
 
 def _turns(result: Result, begin: float, end: float) -> float | None:
-    """Turns of the only joint that is led, at constant speed, between two times [s]."""
+    """Turns between two times [s] of a crank, the only joint of the motion, at constant speed."""
     motion, entries = result.simulation.motion, result.simulation.mechanism.description.joints
     if motion is None or motion.interpolation != "constant-speed" or len(motion.joints) != 1:
         return None

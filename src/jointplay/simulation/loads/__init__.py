@@ -1,4 +1,4 @@
-"""What acts on a mechanism besides contact: drives, joint friction, and loads of any kind."""
+"""Forces on a mechanism besides contact: drives, joint friction, and loads of any kind."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _KINDS = (
     *(GearPair, Controller, LoadedFriction),
 )
 LOADS: dict[str, type[Load]] = {load.kind: load for load in _KINDS}
-"""Kinds of load by the word that selects them."""
+"""Kinds of load, by the word that selects each."""
 
 
 register(Load, Family("kind", "load", LOADS, bare=False))

@@ -1,15 +1,15 @@
-"""What a load is: something that pushes on a mechanism, besides contact, drives and gravity.
+"""Loads: forces on a mechanism besides contact, drives and gravity.
 
-A load says where it acts, by what law, and what it is made of:
+A load has a site, a law, and numbers for the law:
 
 - its law is a short function ``law(time, x, dx, p, out)``, compiled and called by address in every
   micro step (`kernel.load` says what x, dx and out are), as a contact law is;
-- it stores energy, or it brings work in or takes it out; both enter the energy balance;
+- it stores energy, or brings work in or takes it out; both enter the energy balance;
 - it records histories of its own, beside these energies.
 
-The model is Drake's ForceElement (multibody/tree/force_element.h): forces, stored energy, power of
-what is conserved and of what is not. A new load is a class in a module of its own, and an entry in
-`loads.LOADS`.
+The model is Drake's ForceElement (multibody/tree/force_element.h): forces, stored energy,
+conservative and non-conservative power. A new load is a class in a module of its own, and an entry
+in `loads.LOADS`.
 """
 
 from __future__ import annotations
@@ -52,79 +52,81 @@ class Site:
     """Where a load acts: on coordinates, or between two frames."""
 
     inputs: tuple[int, ...] = ()
-    """Coordinates whose positions and velocities its law reads."""
+    """Coordinates whose positions and velocities the law reads."""
     outputs: tuple[int, ...] = ()
-    """Coordinates on which it acts."""
+    """Coordinates on which the law's efforts act."""
     levers: tuple[float, ...] = ()
-    """How fast what a spring is bent by changes with each of these; 1 if not given."""
+    """Rate of a spring's deflection with each of these coordinates; 1 if not given."""
     frames: tuple[Frame, Frame] | None = None
-    """The law's wrench acts on the second, its opposite on the first."""
+    """Frames between which the load acts: the law's wrench on the second, its opposite on the
+    first."""
 
 
 class Load(Described, ABC):
-    """Something that pushes on a mechanism. Subclasses are frozen dataclasses.
+    """A load on a mechanism. Subclasses are frozen dataclasses.
 
-    Their numbers are fields with units (`base.schema.quantity`), of revolute and of prismatic
-    joints where these depend on the joint that the load's `joint` names.
+    Their numbers are fields with units (`base.schema.quantity`); two units where they depend on
+    whether the load's `joint` is revolute or prismatic.
     """
 
     selector = ("kind", "kind")
 
     kind: ClassVar[str]
-    """The one word that selects the load."""
+    """The word that selects this kind of load."""
     stores: ClassVar[bool] = False
-    """Whether its answer at rest is the slope of an energy: a spring's."""
+    """Whether the force at rest is the gradient of a stored energy, as a spring's."""
 
     def __post_init__(self) -> None:
         check_fields(self)
 
     @abstractmethod
     def site(self, mechanism: Mechanism) -> Site:
-        """Where it acts; a joint or frame that `mechanism` does not have is refused."""
+        """Where the load acts; refused if `mechanism` does not have the joint or frame."""
 
     @abstractmethod
     def law(self) -> Callable[..., None]:
-        """``law(time, x, dx, p, out)``, at module level; numba compiles it."""
+        """The function ``law(time, x, dx, p, out)``, at module level; numba compiles it."""
 
     @abstractmethod
     def numbers(self, mechanism: Mechanism) -> np.ndarray:
         """Numbers p of the law."""
 
     def implicit(self) -> int:
-        """When its answer depends on velocity: `constants.NEVER`, `ALWAYS` or `IF_PRESSED`.
+        """When the force depends on velocity: `constants.NEVER`, `ALWAYS` or `IF_PRESSED`.
 
-        Of loads whose answer at rest is the slope of an energy; others are extrapolated.
+        This counts for loads with `stores`, whose damping is solved implicitly; the others are
+        evaluated at extrapolated velocities.
         """
         return NEVER
 
     def energy(self, x: np.ndarray, numbers: np.ndarray) -> np.ndarray:
-        """Energy stored at the positions x, shape (n, numbers that the law sees): (n,) [J]."""
+        """Energy stored at n positions x, shape (n, inputs of the law): (n,) [J]."""
         return np.zeros(len(x))
 
     def steepest(self) -> float:
-        """Largest slope of its answer at rest, by which time steps are checked [N/m or N m/rad]."""
+        """Largest stiffness, by which time steps are checked [N/m or N m/rad]."""
         return 0.0
 
     @abstractmethod
     def record(self, x: np.ndarray, answers: np.ndarray) -> Sequence[Series]:
-        """Histories that results hold, from x as in `energy` and the law's answers (n, size)."""
+        """Histories for results, from x as in `energy` and the law's answers (n, size)."""
 
     def driven(self) -> tuple[str, ...]:
-        """Joints whose actuator it is: torques that their limit of effort concerns."""
+        """Joints whose actuator the load is, so that their limits of effort apply to it."""
         return ()
 
     def tight(self) -> Load:
-        """The same without play, as the ideal mechanism has it."""
+        """The load without play, for the ideal mechanism."""
         return self
 
     def left_out(self) -> str:
-        """Why a machine that drives hold in a pose has it not; empty if it does."""
+        """Why the load does not count on a machine that drives hold in a pose; empty: it does."""
         return "drives hold" if self.driven() else ""
 
 
 @dataclass(frozen=True)
 class OnJoint(Load):
-    """What loads have in common that act on the coordinate of a joint."""
+    """A load on the coordinate of a joint."""
 
     joint: str
     """Joint on which it acts."""
@@ -140,20 +142,20 @@ class OnJoint(Load):
 
 @dataclass(frozen=True)
 class OnFrame(Load):
-    """What loads have in common that act at a point of a link or frame."""
+    """A load at a point of a link or frame."""
 
     frame: str
-    """Link or frame that it acts on."""
+    """Link or frame on which it acts."""
     _: KW_ONLY
     at: Vector = quantity("m", default=(0.0, 0.0, 0.0))
-    """Point in the axes of `frame` at which it acts [m]."""
+    """Point at which it acts, in the axes of `frame` [m]."""
 
 
 def compiled_law(load: Load) -> Native:
     """The load's compiled law: its `address`, and `ctypes` to call it from Python.
 
     Raises:
-        JointplayError: numba cannot compile it, for the reason given; or it is not at hand.
+        JointplayError: numba cannot compile it, for the reason given; or its code is not at hand.
     """
     law = load.law()
     if isinstance(law, Absent):
@@ -164,9 +166,7 @@ def compiled_law(load: Load) -> Native:
 
 
 def frame(mechanism: Mechanism, name: str, at: Vector = (0.0, 0.0, 0.0)) -> Frame:
-    """Frame of the point `at` [m] of a frame or link, refused if there is none; `WORLD` is the
-    ground.
-    """
+    """Frame at the point `at` [m] of a frame or link, which must exist; `WORLD` is the ground."""
     import pinocchio as pin
 
     from jointplay.model.frames import carried

@@ -1,4 +1,4 @@
-"""A user's own controller: compiled like a law, or a Python callable that samples and holds."""
+"""Controllers of the user's own: compiled like a law, or Python that samples and holds."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ if TYPE_CHECKING:
 ENCODERS = (*drive.ENCODERS, "both")
 
 
-def _held(time: Any, x: Any, dx: Any, p: Any, out: Any) -> None:
+def _hold_law(time: Any, x: Any, dx: Any, p: Any, out: Any) -> None:
     """p: number of torques, time of the last sample, torques before it, and since.
 
-    At the very time the mean: what is felt there is half of the step before and half of the next.
+    At the time of the sample their mean acts, for half of the step before and half of the next.
     """
     n = int(p[0])
     for k in range(n):
@@ -36,6 +36,7 @@ def _held(time: Any, x: Any, dx: Any, p: Any, out: Any) -> None:
 
 
 Sample = Callable[[float, np.ndarray, np.ndarray], Any]
+"""Torques by time [s], q and v."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,16 +50,16 @@ class ControllerDescription(LoadFunctionDescription):
     )
     """Sampling period [s]; if not given, the function is compiled."""
     encoder: str = choice("encoder", ENCODERS, default=ENCODERS[0])
-    """What it measures: ``link``, ``motor``, or ``both``."""
+    """Coordinates that it measures: ``link``, ``motor``, or ``both``."""
 
 
 @dataclass(frozen=True)
 class Controller(OfFunction, Load):
-    """A controller of the user's own, that gives the torques of some joints.
+    """A controller of the user's own, that sets the torques of some joints.
 
     With a `period` it is a Python callable, called at the times 0, period, 2 period, ...; its
     torques are held in between (zero-order hold). A function is called as ``function(time, q, v,
-    p)`` and returns the torques; of a class, for controllers with a memory, an object
+    p)`` and returns the torques. For controllers with a memory give a class: an object
     ``function(*parameters)`` is made at the start of each run, and called as ``object(time, q,
     v)``. For checkpoints it needs ``memory()``, which returns its state as plain data, and
     ``recall(memory)``.
@@ -68,9 +69,9 @@ class Controller(OfFunction, Load):
 
     q and v are what the encoders see: positions [rad or m] and velocities, in the order of the
     joints; with ``encoder="both"`` first those of the links, then those of the motors. A compiled
-    controller meets velocities extrapolated by half a step, as drives do. A torque acts on the
-    motor of a joint that has a gear, else on its link. Beside a drive of the same joint it adds to
-    it; `Free` makes it the only one.
+    controller gets velocities extrapolated by half a step, as drives do. A torque acts on the motor
+    of a joint that has a gear, else on its link. It adds to that of the joint's drive; with the
+    drive `Free` it acts alone.
 
     Raises:
         JointplayError: no joints, one of them twice, a function of other arguments, no such
@@ -85,7 +86,8 @@ class Controller(OfFunction, Load):
     joints: tuple[str, ...]
     """Joints whose torques it sets."""
     function: Callable[..., Any]
-    """At module level of an importable file (files then name it as ``module:function``)."""
+    """A function or class at module level of an importable file (files then name it as
+    ``module:function``)."""
     parameters: tuple[float, ...] = quantity("", default=())
     """Numbers for the function."""
     period: OptionalQuantity = quantity(
@@ -93,7 +95,7 @@ class Controller(OfFunction, Load):
     )
     """Sampling period [s]; if not given, the function is compiled."""
     encoder: str = choice("encoder", ENCODERS, default=ENCODERS[0])
-    """What it measures: ``link``, ``motor``, or ``both``."""
+    """Coordinates that it measures: ``link``, ``motor``, or ``both``."""
 
     def __post_init__(self) -> None:
         if isinstance(self.joints, str) or not self.joints:
@@ -108,7 +110,7 @@ class Controller(OfFunction, Load):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the parameters: as a class calls its own, else ``p0``, ``p1``, ..."""
+        """Names of the parameters: those of a class's constructor, else ``p0``, ``p1``, ..."""
         labels: list[str] = []
         if inspect.isclass(self.function):
             known = inspect.signature(self.function).parameters.values()
@@ -129,7 +131,7 @@ class Controller(OfFunction, Load):
         return Site(measured, motors)
 
     def law(self) -> Callable[..., None]:
-        return self.function if self.period is None else _held
+        return self.function if self.period is None else _hold_law
 
     def numbers(self, mechanism: Mechanism) -> np.ndarray:
         if self.period is None:
@@ -147,7 +149,7 @@ class Controller(OfFunction, Load):
         ]
 
     def sampler(self) -> Sample:
-        """What gives the torques of a run at a time, from q and v."""
+        """The callable that a run samples: an object of the class, or the function."""
         if isinstance(self.function, Absent):
             raise JointplayError(self.function.reason)
         if inspect.isclass(self.function):
@@ -163,7 +165,7 @@ class Controller(OfFunction, Load):
         return lambda time, q, v: function(time, q, v, parameters)
 
     def remember(self, sample: Sample) -> Any:
-        """State of a run's object, by its own `memory`; None of a function, which has none.
+        """State of a run's object, by its own `memory`; None for a function, which has none.
 
         Raises:
             JointplayError: an object without `memory` and `recall`, or a memory that no JSON holds.
@@ -202,7 +204,7 @@ class Controller(OfFunction, Load):
 
 
 def hold(numbers: np.ndarray, time: float, torques: np.ndarray, jumps: bool) -> None:
-    """Hold new torques from `time` on; with `jumps` the old ones still count for half of it."""
+    """Hold new torques from `time` on; with `jumps` the old ones count for half at that instant."""
     n = len(torques)
     numbers[1] = time
     numbers[2 : 2 + n] = numbers[2 + n :] if jumps else torques

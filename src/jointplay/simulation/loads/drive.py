@@ -1,4 +1,4 @@
-"""How joints are driven: the forces F(t) of eq. 22.
+"""Drives of joints: the forces F(t) of eq. 22.
 
 A joint that has a motor gear is driven at the motor, any other at its own coordinate (yaw, with
 clearance). A drive acts on joints of the URDF; joints that close loops follow.
@@ -37,25 +37,26 @@ if TYPE_CHECKING:
 FASTEST = 1e9
 """Largest bandwidth of a drive [rad/s]: no step follows it."""
 MOST_DAMPED = 1e9
-"""Largest damping ratio: beyond it a joint creeps, and far beyond it numbers end."""
+"""Largest damping ratio: beyond it a joint creeps, and far beyond it numbers overflow."""
 BANDWIDTH = 100.0
-"""Bandwidth of computed torque that nobody gave [rad/s]: judged; what play does to the tool of
-SO-101, AR4, UR5 and Panda changes by less than 4 % between 30 and 300."""
+"""Default bandwidth of computed torque [rad/s]: judged; the effect of play on the tool of SO-101,
+AR4, UR5 and Panda changes by less than 4 % between 30 and 300."""
 MARGIN = 0.5
-"""Part of the bandwidth up to which a drive is stable that it has through teeth: the gain margin of
-6 dB that is usual; of five arms one swung up at 0.8, none at this."""
+"""Bandwidth of a drive through teeth, relative to the largest that is stable: the usual gain margin
+of 6 dB; of five arms one became unstable at 0.8, none at this."""
 PRESCRIBED_ARMATURE = 1e9
 """Armature of a joint with prescribed motion, relative to the inertia that it carries: the joint
 departs from the reference by its inverse."""
 ENCODERS = ("motor", "link")
-"""Where an encoder can sit: before the play of its joint's gear, as in nearly all arms and servos,
-and so where nothing else is said; or behind it, on the joint."""
+"""Where an encoder can sit: before the play of its joint's gear, as in nearly all arms and servos
+(the default), or behind it, on the joint."""
 SPEEDS = ("exact", "difference")
+"""Speeds that the D term of a servo can take; see `Servo.speed`."""
 
 
 @dataclass(frozen=True)
 class JointFriction(Described):
-    """Friction Q(qd) of a joint and its gear.
+    """Friction Q(qd) of a joint and its gear: Coulomb, viscous, Stribeck, and presliding.
 
     Q = g(qd) tanh(qd / 1 mrad/s) + viscous qd,
     g(qd) = coulomb + (static - coulomb) exp(-(qd/stribeck_speed)^2), which creeps under any load.
@@ -81,11 +82,11 @@ class JointFriction(Described):
     )
     """Speed at which the excess over dry friction has fallen to 1/e [rad/s or m/s]."""
     presliding: Quantity = quantity("rad", "m", default=0.0, least=0.0, label="presliding")
-    """Bend of the bristles at breakaway [rad or m]; 0: no bristles, it creeps."""
+    """Deflection of the bristles at breakaway [rad or m]; 0: no bristles, the joint creeps."""
     presliding_damping: Quantity = quantity(
         "N*m*s/rad", "N*s/m", default=0.0, least=0.0, label="damping of joint friction's bristles"
     )
-    """Of the bristles [N m s/rad, or N s/m for prismatic joints]."""
+    """Damping of the bristles [N m s/rad, or N s/m for prismatic joints]."""
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -95,18 +96,18 @@ class JointFriction(Described):
 
     @property
     def excess(self) -> float:
-        """Static beyond dry friction [N m or N]."""
+        """Static friction beyond dry friction [N m or N]."""
         return 0.0 if self.static is None else self.static - self.coulomb
 
     def torque(self, speed: np.ndarray) -> np.ndarray:
-        """Q of steady motion at the speeds `speed` [rad/s or m/s], any shape: [N m or N]."""
-        with np.errstate(over="ignore"):  # far above the Stribeck speed nothing is left
+        """Friction Q of steady motion at `speed` [rad/s or m/s], of any shape [N m or N]."""
+        with np.errstate(over="ignore"):  # far above the Stribeck speed the excess is 0
             dry = self.coulomb + self.excess * np.exp(-((speed / self.stribeck_speed) ** 2))
         return dry * np.tanh(speed / kernel.JOINT_FRICTION_SPEED) + self.viscous * speed
 
 
 def urdf_friction(mechanism: Mechanism) -> dict[str, JointFriction]:
-    """Friction of the moving joints, as the URDF has it."""
+    """Friction of the moving joints in the URDF."""
     entries = mechanism.description.joints
     return {
         name: JointFriction(entries[name].friction, entries[name].damping)
@@ -115,17 +116,17 @@ def urdf_friction(mechanism: Mechanism) -> dict[str, JointFriction]:
 
 
 class Drive(Described, ABC):
-    """What acts on one joint."""
+    """The drive of one joint."""
 
     selector = ("kind", "kind")
 
     kind: ClassVar[str]
-    """The one word that selects the drive."""
+    """The word that selects this kind of drive."""
     follows: ClassVar[bool]
     """Whether the joint follows the reference motion."""
 
     def origins(self) -> dict[str, str]:
-        """Where those numbers come from that a catalogue gave, by field."""
+        """Sources of the numbers that a catalogue gave, by field."""
         return {}
 
 
@@ -147,8 +148,9 @@ class ComputedTorque(Drive):
     """Closed-loop natural frequency of each axis [rad/s]; None: `BANDWIDTH`, or less where its
     encoder sits behind a gear (`through_teeth`)."""
     damping_ratio: Quantity = quantity("", default=1.0, least=0.0, label="damping ratio")
+    """Damping ratio of each axis."""
     encoder: str = choice("encoder", ENCODERS, default=ENCODERS[0])
-    """Where it sits: on the "motor", before the gear, or on the joint ("link")."""
+    """Where the encoder sits: on the "motor", before the gear, or on the joint ("link")."""
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -158,16 +160,16 @@ class ComputedTorque(Drive):
                 raise JointplayError(f"{noun} must be at most {most:g}, got {value:g}", (name,))
 
     def through_teeth(self, inertia: float, gear: Gearing | None) -> ComputedTorque:
-        """With the bandwidth that the teeth of a gear allow, if nobody gave it; else as it is.
+        """This drive with the bandwidth that the teeth of a gear allow, if none was given.
 
-        A rotor J that turns what a joint carries, the `inertia` M [kg m^2 or kg], through teeth of
-        stiffness k and damping c, after the angle of M, has
+        A rotor J that turns the `inertia` M of a joint [kg m^2 or kg] through teeth of stiffness k
+        and damping c, controlled by the angle of M, has the characteristic equation
 
             J M s^4 + (J + M) (k + c s) (s^2 + 2 damping_ratio bandwidth s + bandwidth^2) = 0,
 
-        by Routh's criterion stable, where c is far below critical, up to a bandwidth of
-        c (1/J + 1/M) / (2 damping_ratio), whatever k is: nothing but c takes energy from what
-        vibrates on the teeth. `MARGIN` of that is taken; without c there is none.
+        which by Routh's criterion is stable, where c is far below critical, up to a bandwidth of
+        c (1/J + 1/M) / (2 damping_ratio), whatever k is: nothing but c takes energy from the
+        vibration on the teeth. `MARGIN` of that is taken; without c no bandwidth is stable.
         """
         if self.bandwidth is not None or self.encoder == "motor" or gear is None:
             return self
@@ -180,7 +182,7 @@ class ComputedTorque(Drive):
 
 @dataclass(frozen=True)
 class Prescribed(Drive):
-    """The joint moves exactly as the reference says, whatever torque that takes (rheonomic).
+    """Prescribed (rheonomic) motion: the joint follows the reference, whatever torque that takes.
 
     Position and speed are those of the reference to 1e-9 of their range; the result's `drive` is
     the torque it took.
@@ -192,7 +194,7 @@ class Prescribed(Drive):
 
 @dataclass(frozen=True)
 class Torque(Drive):
-    """A torque given in time: linear between the points, constant before and after.
+    """A torque over time: linear between the given points, constant before and after.
 
     Tabulated at `REFERENCE_NODE_S`: a jump becomes a ramp of that length.
     """
@@ -201,9 +203,9 @@ class Torque(Drive):
     follows: ClassVar[bool] = False
 
     times: tuple[float, ...] = quantity("s", label="torque times")
-    """Increasing [s]."""
+    """Times of the points, increasing [s]."""
     values: tuple[float, ...] = quantity("N*m", "N", label="torque values")
-    """[N m, or N for prismatic joints]."""
+    """Torque at each time [N m, or N for prismatic joints]."""
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -217,7 +219,7 @@ class Torque(Drive):
 
 @dataclass(frozen=True)
 class Free(Drive):
-    """Nothing acts on the joint but its friction."""
+    """No drive: nothing acts on the joint but its friction."""
 
     kind: ClassVar[str] = "free"
     follows: ClassVar[bool] = False
@@ -227,22 +229,22 @@ class Free(Drive):
 class Servo(Drive):
     """A servo: a motor at the voltage that its own position controller sets.
 
-    V = p_gain e + w + d_gain (qd_r - qd), e = <|q_r - q| - dead_band> sgn(q_r - q), cut to the
-    supply's, with q as the encoder reads it, in whole counts of its resolution; the integral
-    dw/dt = i_gain e is cut to the supply's, too, lest it wind up, and is zero at the start;
-    F = k/R (V - k qd_m) on the motor, cut to `effort`, less its friction. All quantities are
-    referred to the joint's side of its gear, in metres and newtons where it slides: the inertia of
-    the armature is the gear's `rotor_inertia`. A joint without gear is moved directly, by a motor
-    without inertia.
+    V = p_gain e + w + d_gain (qd_r - qd), e = <|q_r - q| - dead_band> sgn(q_r - q), saturates at
+    the supply's voltage, with q as the encoder reads it, in whole counts of its resolution; the
+    integral dw/dt = i_gain e saturates there, too, lest it wind up, and is zero at the start;
+    F = k/R (V - k qd_m) on the motor saturates at `effort`, and is reduced by the motor's friction.
+    All quantities are referred to the joint's side of its gear, in metres and newtons where it
+    slides: the inertia of the armature is the gear's `rotor_inertia`. A joint without gear is moved
+    directly, by a motor without inertia.
     """
 
     kind: ClassVar[str] = "servo"
     follows: ClassVar[bool] = True
 
     catalogue: str | None = None
-    """Name of a servo whose numbers are taken where none are given here."""
+    """Name of a servo in the catalogue, whose numbers are taken where none are given here."""
     voltage: Quantity = quantity("V", above=0.0)
-    """Of the supply, the largest on the motor [V]."""
+    """Voltage of the supply, the largest on the motor [V]."""
     p_gain: Quantity = quantity("V/rad", "V/m", above=0.0, label="P gain")
     """Voltage per error of position beyond the dead band [V/rad or V/m]."""
     i_gain: Quantity = quantity("V/(rad*s)", "V/(m*s)", default=0.0, least=0.0, label="I gain")
@@ -250,15 +252,15 @@ class Servo(Drive):
     d_gain: Quantity = quantity("V*s/rad", "V*s/m", default=0.0, least=0.0, label="D gain")
     """Voltage per error of speed [V s/rad or V s/m]."""
     speed: str = choice("speed", SPEEDS, default=SPEEDS[0])
-    """What the D term takes: the "exact" one, or as firmware does the "difference" of the encoder's
-    readings over a period."""
+    """Speed that the D term takes: the "exact" one, or as in firmware the "difference" of the
+    encoder's readings over a period."""
     torque_constant: Quantity = quantity(
         "N*m/A", "N/A", default=None, above=0.0, label="torque constant"
     )
     """Torque or force per current, referred to the joint [N m/A or N/A]; V s/rad or V s/m of
     back-EMF as well."""
     resistance: Quantity = quantity("ohm", default=None, above=0.0)
-    """Of the winding [ohm]."""
+    """Resistance of the winding [ohm]."""
     friction: Quantity = quantity("N*m", "N", default=None, least=0.0, label="friction of a servo")
     """Dry friction of the motor, referred to the joint [N m or N]; 0 if not given."""
     viscous: Quantity = quantity(
@@ -266,29 +268,29 @@ class Servo(Drive):
     )
     """Viscous friction of the motor, referred to the joint [N m s/rad or N s/m]; 0 if not given."""
     presliding: Quantity = quantity("rad", "m", default=0.0, least=0.0, label="presliding")
-    """Bend of the bristles of its dry friction when they let go [rad or m]; 0: it creeps."""
+    """Deflection of the bristles of its dry friction at breakaway [rad or m]; 0: it creeps."""
     presliding_damping: Quantity = quantity(
         "N*m*s/rad", "N*s/m", default=0.0, least=0.0, label="damping of joint friction's bristles"
     )
-    """Of the bristles [N m s/rad or N s/m]."""
+    """Damping of the bristles [N m s/rad or N s/m]."""
     dead_band: Quantity = quantity("rad", "m", default=0.0, least=0.0, label="dead band")
-    """Error of position up to which no voltage answers [rad or m]."""
+    """Error of position up to which the P and I terms do not answer [rad or m]."""
     dead_band_counts: Quantity = quantity("", default=0.0, least=0.0, label="dead band in counts")
-    """The same in counts of the encoder."""
+    """The dead band in counts of the encoder, in place of `dead_band`."""
     resolution: Quantity = quantity(
         "rad", "m", default=0.0, least=0.0, label="resolution of the encoder"
     )
     """Angle or way of the joint in a count of the encoder [rad or m]; 0: it reads exactly."""
     encoder: str = choice("encoder", ENCODERS, default=ENCODERS[0])
-    """Where it sits: on the "motor", before the gear, or on the joint ("link")."""
+    """Where the encoder sits: on the "motor", before the gear, or on the joint ("link")."""
     effort: OptionalQuantity = quantity(
         "N*m", "N", default=None, above=0.0, label="effort of a servo"
     )
-    """Largest effort, what the back-EMF takes counted [N m or N]; None: no limit."""
+    """Largest effort, the back-EMF included [N m or N]; None: no limit."""
     goals: tuple[float, float] | None = quantity("rad", "m", default=None, label="goals of a servo")
     """Lowest and highest position to which the reference is cut [rad or m]; None: no limit."""
     period: OptionalQuantity = quantity("s", default=None, above=0.0, label="period of a servo")
-    """Sampling period, between whose ends the voltage is held [s]; continuous if not given."""
+    """Sampling period, over which the voltage is held [s]; continuous if not given."""
 
     def __post_init__(self) -> None:
         catalogued = {} if self.catalogue is None else _servo(self.catalogue)
@@ -314,14 +316,12 @@ class Servo(Drive):
 
     @classmethod
     def of(cls, name: str, **more: Any) -> Servo:
-        """A servo by its name in the catalogue, such as ``STS3215``; `more` goes before its own."""
+        """Make a servo of the catalogue, such as ``STS3215``; fields in `more` replace its own."""
         return cls(catalogue=name, **more)
 
     @staticmethod
     def armature_of(name: str) -> float:
-        """Inertia of the armature of a servo in the catalogue: its gear's `rotor_inertia` [kg
-        m^2].
-        """
+        """Inertia of a catalogued servo's armature, its gear's `rotor_inertia` [kg m^2]."""
         return float(_servo(name)["armature"]["value"])
 
     def origins(self) -> dict[str, str]:
@@ -336,11 +336,11 @@ class Servo(Drive):
     def gains_of(
         name: str, voltage: float, registers: Mapping[str, float]
     ) -> tuple[dict[str, float], list[str]]:
-        """Gains that registers of a servo in the catalogue set, and what to say of each.
+        """Gains that the registers of a catalogued servo set, and a note on each for the user.
 
         Args:
-            name: in the catalogue.
-            voltage: of the supply [V].
+            name: name in the catalogue.
+            voltage: supply voltage [V].
             registers: values of P, I, D, as they are written into the servo.
 
         Raises:
@@ -372,29 +372,29 @@ class Servo(Drive):
 
     @property
     def register(self) -> tuple[float, int] | None:
-        """P gain of a unit of its register [V/rad], and the largest value; None: not known."""
+        """P gain of one unit in the P register [V/rad], and the register's largest value; None: not
+        known.
+        """
         units = {} if self.catalogue is None else _servo(self.catalogue).get("registers", {})
         return (units["P"]["value"] * self.voltage, units["most"]) if "P" in units else None
 
     @property
     def band(self) -> float:
-        """Error of position up to which no voltage answers [rad or m]."""
+        """Dead band of the position error, however it was given [rad or m]."""
         return self.dead_band or self.dead_band_counts * self.resolution
 
     @property
     def stall(self) -> float:
-        """Effort per voltage of a motor that stands [N m/V or N/V]."""
+        """Stall effort per voltage [N m/V or N/V]."""
         return self.torque_constant / self.resistance
 
     @property
     def braking(self) -> float:
-        """Effort per speed of a motor whose voltage is zero, by its back-EMF [N m s/rad or
-        N s/m].
-        """
+        """Damping of the motor by its back-EMF [N m s/rad or N s/m]."""
         return self.torque_constant * self.stall
 
     def with_friction(self, losses: JointFriction) -> JointFriction:
-        """A joint's friction and that of the motor that turns it directly."""
+        """The friction of a joint together with that of this motor, which turns it directly."""
         static = losses.static
         return replace(
             losses,
@@ -407,13 +407,14 @@ class Servo(Drive):
 
 
 _BESIDE = ("armature", "registers")
-"""Of the catalogue, what is no field of a servo: the gear's `rotor_inertia`, units of registers."""
+"""Entries of the catalogue that are no fields of a servo: the gear's `rotor_inertia`, and units of
+registers."""
 REGISTERS = {"P": "p_gain", "I": "i_gain", "D": "d_gain"}
-"""Gains by the registers of servos that set them."""
+"""The gain that each register of a servo sets."""
 
 
 def _servo(name: str) -> dict[str, Any]:
-    """Numbers of a servo in the catalogue by field: value, origin, source."""
+    """Numbers of a servo in the catalogue by field, each with value, origin and source."""
     servos = shipped_table(__file__, "servos")
     if name not in servos:
         raise JointplayError(one_of("servo", name, servos), ("catalogue",))
@@ -432,10 +433,11 @@ register(Drive, Family("kind", "drive", DRIVES))
 def assign(
     mechanism: Mechanism, motion: Motion | None, drive: Drive | Mapping[str, Drive]
 ) -> dict[str, Drive]:
-    """Drive of every moving joint.
+    """Assign a drive to every moving joint.
 
-    A single drive is that of every joint of the motion; what a motion does not name is free in a
-    mechanism with loops and an error elsewhere. A mapping names what is driven; the rest is free.
+    A single drive is for every joint of the motion; joints that the motion does not name are free
+    in a mechanism with loops, and an error elsewhere. A mapping names the driven joints; the others
+    are free.
 
     Raises:
         JointplayError: a joint that does not exist, that lacks a reference, or that has one but no
@@ -472,8 +474,8 @@ def assign(
         entry = mechanism.description.joints.get(name)
         if isinstance(chosen, Servo) and chosen.catalogue and entry is not None and entry.slides:
             raise JointplayError(
-                f"joint {name!r} slides, and {chosen.catalogue} of the catalogue turns chosen own: "
-                "give torque_constant [N/A] and resistance instead"
+                f"joint {name!r} slides, but the servo {chosen.catalogue} turns: give "
+                "torque_constant [N/A] and resistance instead of a name in the catalogue"
             )
         if chosen.follows and name not in in_motion:
             raise JointplayError(
@@ -481,7 +483,7 @@ def assign(
             )
         if name in in_motion and not chosen.follows:
             raise JointplayError(
-                f"joint {name!r} has a reference motion, but chosen drive is {chosen.kind}; "
+                f"joint {name!r} has a reference motion, but its drive is {chosen.kind}; "
                 f"drives that follow: {', '.join(d.kind for d in DRIVES.values() if d.follows)}"
             )
     return drives

@@ -1,4 +1,9 @@
-"""Drives as tables that the kernels read: references, efforts, gains, by time."""
+"""Drives as the kernels have them: rows of gains, and a table of references and efforts over time.
+
+Each drive has a row with its gains and limits, and one column (a servo two) of the table over time:
+position and velocity to follow, and effort that is known beforehand. The table has a node every
+`REFERENCE_NODE_S`; a long one is made and kept in memory block by block (`Reference`).
+"""
 
 from __future__ import annotations
 
@@ -28,29 +33,30 @@ from jointplay.simulation.motion.ideal import IdealMotion
 from jointplay.simulation.motion.reference import REFERENCE_NODE_S, Motion
 
 BLOCK_NODES = 25_000
-"""Nodes that are tabulated at once, if there are more than twice as many."""
+"""Nodes of a block; a table of at most twice as many is one block."""
 
 
 _MOST_RECENT = 2
+"""Number of tables in `_recent`."""
 _recent: dict[tuple[object, ...], tuple[pin.Model, np.ndarray]] = {}
-"""Tables along the last motions of trees, so many at most, with the model that was moved."""
+"""The last tables of trees, by what they depend on, each with the model that was moved."""
 
 
 class Reference:
     """Position, velocity and feed-forward effort of the driven coordinates over time.
 
-    A node has the same numbers whichever blocks are in memory, so that a run does not depend on
-    when it goes on to the next ones.
+    Two blocks are in memory, that of the present time and the next. A node has the same numbers
+    whichever blocks they are, so that a run does not depend on when it goes on to the next ones.
 
     Args:
-        rows: the table at some times, which follow each other; whether to show a bar.
-        nodes: of the whole table.
+        rows: makes the table at consecutive times (n,) [s]; its second argument shows a bar.
+        nodes: number of nodes of the whole table.
         ideal: ideal mechanism whose efforts are in it, if any.
-        ahead: nodes that must be in memory beyond the present time.
-        progress: show a bar on standard error while the first blocks are made, if that takes long.
+        ahead: number of nodes that must be in memory beyond the present time.
+        progress: show a bar on standard error while the first block is made, if that takes long.
 
     Attributes:
-        first: node with which the table in memory begins.
+        first: first node of the table in memory.
         table: rows of q, v and effort of the driven coordinates, shape (n, 3 nu).
     """
 
@@ -72,12 +78,12 @@ class Reference:
 
     @property
     def until(self) -> float:
-        """Time at which the table in memory must give way to the next [s]; inf if it need not."""
+        """Time from which `go_to` must be called [s]; inf if the table reaches to the end."""
         last = (self._at + 2) * self._block >= self.nodes
         return math.inf if last else (self._at + 1) * self._block * REFERENCE_NODE_S
 
     def go_to(self, time: float) -> bool:
-        """Have the blocks in memory that hold `time` [s]; returns whether that changed them."""
+        """Bring the blocks of `time` [s] into memory; returns whether the table changed."""
         at = min(int(time / REFERENCE_NODE_S) // self._block, max(self._count - 2, 0))
         if at == self._at:
             return False
@@ -85,6 +91,7 @@ class Reference:
         return True
 
     def memory(self) -> dict[str, Any]:
+        """State for checkpoints: that of the ideal mechanism."""
         return {} if self._ideal is None else self._ideal.memory()
 
     def recall(self, memory: Mapping[str, Any]) -> None:
@@ -109,7 +116,7 @@ class Reference:
 
 
 def table_nodes(motion: Motion | None, drives: Mapping[str, Drive], duration: float) -> int:
-    """Nodes of the table of all drives: it ends where nothing changes any more."""
+    """Number of nodes of the table of all drives, which ends where nothing changes any more."""
     ends = [0.0]
     for drive in drives.values():
         if isinstance(drive, Torque):
@@ -117,7 +124,7 @@ def table_nodes(motion: Motion | None, drives: Mapping[str, Drive], duration: fl
         elif drive.follows and motion is not None:
             ends.append(motion.still_from)
     last = min(max(ends), duration)
-    still = 1 if last < duration else 0  # both of the last two nodes, for cubics
+    still = 1 if last < duration else 0  # then the last two nodes stand still, for cubics
     return max(math.ceil(last / REFERENCE_NODE_S - 1e-9) + 1 + still, 2)
 
 
@@ -134,33 +141,35 @@ def _friction_row(coordinate: int, losses: JointFriction) -> np.ndarray:
 
 
 class Column(NamedTuple):
-    """What a column of the table has over time: a reference to follow, or an effort."""
+    """A column of the table over time: a reference to follow, or a given effort."""
 
     follows: int | None = None
-    """Which of the joints that follow the motion; None: none, and the effort is given."""
+    """Index of the joint among those that follow the motion; None: the effort is given."""
     times: tuple[float, ...] = (0.0,)
+    """Times of `efforts`, increasing [s]."""
     efforts: tuple[float, ...] = (0.0,)
-    """At `times`, linear between them [N m or N]."""
+    """Given efforts, linear between the times [N m or N]."""
     rotor: float | None = None
-    """Of a drive that knows the ideal mechanism's effort: what it turns besides [kg m^2 or kg]."""
+    """Rotor inertia of a drive with the ideal mechanism's effort as feed-forward [kg m^2 or kg];
+    None: without feed-forward."""
     losses: JointFriction = JointFriction()
-    """Friction that it knows, too."""
+    """Friction in the feed-forward."""
     goals: tuple[float, float] | None = None
-    """To which a servo cuts its reference [rad or m]."""
+    """Limits to which a servo cuts its reference [rad or m]."""
 
 
 class DriveRows(NamedTuple):
-    """What one drive brings into the tables."""
+    """One drive's columns, and its rows of `layout.DRIVE_ROW`, `SERVO` and `FRICTION_ROW`."""
 
     columns: list[Column]
     drive: np.ndarray
     servo: np.ndarray | None = None
     friction: np.ndarray | None = None
     armature: float = 0.0
-    """That the model needs at the drive's coordinate [kg m^2 or kg]."""
+    """Armature that the model needs at the drive's coordinate [kg m^2 or kg]."""
 
 
-def _rows_of(
+def _make_rows(
     mechanism: Mechanism,
     name: str,
     drive: Drive,
@@ -171,14 +180,19 @@ def _rows_of(
     limit: float,
     carried: np.ndarray,
 ) -> DriveRows:
-    """Rows of a drive whose columns begin with `column`, by its kind.
+    """Make the rows of a drive, whose columns begin at `column`.
 
-    A reference, with the effort that is known beforehand, or an effort alone. A servo has two
-    columns, for the back-EMF of its motor is a damping against a speed of zero. What is prescribed
-    moves with an armature beside which all else weighs nothing.
+    A servo has two columns, for the back-EMF of its motor is a damping against a speed of zero. A
+    prescribed joint has an armature so large that nothing else counts.
 
-    `follows`: which of the joints that follow the motion it drives; `carried`: inertia at each
-    coordinate, (nv,) [kg m^2 or kg]; `limit` cuts its effort, `losses` are its joint's friction.
+    Args:
+        mechanism, name, drive: the joint `name`, and its drive.
+        column: index of its first column.
+        follows: index of the joint among those that follow the motion.
+        ideal: the ideal mechanism along the motion, for computed torque.
+        losses: friction of the joint.
+        limit: effort at which the drive saturates [N m or N].
+        carried: inertia at each coordinate, (nv,) [kg m^2 or kg].
     """
     at, gear = mechanism.motor(name), mechanism.gears.get(name)
     behind = isinstance(drive, ComputedTorque | Servo) and drive.encoder == "link"
@@ -222,21 +236,21 @@ def tabulate(
     ahead: float = 0.0,
     speed: np.ndarray | None = None,
 ) -> tuple[CoordinateTables, dict[int, float], Reference]:
-    """Tabulate all drives: the gains that each acts by, and over time what it follows.
+    """Tabulate all drives: their gains, and over time what they follow.
 
     Args:
         mechanism, motion, drives, friction: what is driven, and how.
-        duration: until when the table must reach [s].
+        duration: time to which the table must reach [s].
         start: configuration of `mechanism` at the start, loops closed, shape (nq,).
         progress: show a bar on standard error if it takes long.
-        bounds: efforts to which the drives are cut, by joint; prescribed motion is not.
-        ahead: how far beyond the present the table must always reach [s].
+        bounds: efforts at which the drives saturate, by joint; prescribed motion does not.
+        ahead: time beyond the present to which the table in memory must reach [s].
         speed: velocities at the start, of which a free base's count, shape (nv,); None: it is at
             rest.
 
     Returns:
-        The tables as they are at the start, the armature that the model needs, by coordinate [kg
-        m^2 or kg], and what the tables of later times come from.
+        The tables at the start; the armature that the model needs, by coordinate [kg m^2 or kg];
+        and the reference, which makes the tables of later times.
     """
     nodes = table_nodes(motion, drives, duration)
     follows = [name for name, drive in drives.items() if drive.follows]
@@ -253,15 +267,16 @@ def tabulate(
             continue
         k = follows.index(name) if drive.follows else None
         losses, limit = friction.get(name, JointFriction()), (bounds or {}).get(name, np.inf)
-        row = _rows_of(mechanism, name, drive, len(columns), k, ideal, losses, limit, carried)
-        columns += row.columns
-        parts.append(row)
-    rubs = [
+        part = _make_rows(mechanism, name, drive, len(columns), k, ideal, losses, limit, carried)
+        columns += part.columns
+        parts.append(part)
+    # Friction of joints, then of motors behind gears.
+    frictions = [
         _friction_row(mechanism.coordinate(name), losses)
         for name, losses in friction.items()
         if losses.coulomb or losses.excess or losses.viscous
     ]
-    rubs += [part.friction for part in parts if part.friction is not None]
+    frictions += [part.friction for part in parts if part.friction is not None]
     servos = [part.servo for part in parts if part.servo is not None]
     gears = [
         gear.row(mechanism.motor(name), mechanism.coordinate(name))
@@ -273,7 +288,7 @@ def tabulate(
     tables = CoordinateTables(
         stacked([part.drive for part in parts], layout.DRIVE_ROW),
         stacked(servos, layout.SERVO),
-        stacked(rubs, layout.FRICTION_ROW),
+        stacked(frictions, layout.FRICTION_ROW),
         stacked(gears, layout.GEAR_ROW),
         reference.table,
         REFERENCE_NODE_S,
@@ -305,10 +320,10 @@ def _recent_table(
     times: np.ndarray,
     progress: bool,
 ) -> np.ndarray:
-    """What `_table` gives, kept for whoever asks next.
+    """The result of `_table`, kept for the next runs.
 
-    A run, its ideal twin, those that state its errors, and the same machine with other clearances
-    all ask for the same.
+    A run, its ideal twin, the runs that state its errors, and the same machine with other
+    clearances all need the same table.
     """
     alike = None if ideal is None else ideal.alike()
     if alike is None or motion is None or any(column.follows is None for column in columns):
@@ -350,9 +365,9 @@ def _table(
             continue
         table[0, :, u], table[1, :, u] = position[:, k], velocity[:, k]
         if column.goals is not None:
-            reached = np.clip(table[0, :, u], *column.goals)
-            table[1, reached != table[0, :, u], u] = 0.0
-            table[0, :, u] = reached
+            cut = np.clip(table[0, :, u], *column.goals)
+            table[1, cut != table[0, :, u], u] = 0.0
+            table[0, :, u] = cut
         if column.rotor is not None:
             friction = column.losses.torque(velocity[:, k])
             table[2, :, u] = effort[:, k] + column.rotor * acceleration[:, k] + friction

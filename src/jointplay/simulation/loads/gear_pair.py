@@ -1,4 +1,4 @@
-"""Two gears that mesh, or a rack and its pinion: two joints coupled through teeth with play."""
+"""Gear pairs: two joints coupled through teeth with play, as two gears or rack and pinion."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from jointplay.simulation.motion.reference import Motion
 
 
-def _meshed(time: Any, x: Any, dx: Any, p: Any, out: Any) -> None:
+def _teeth_law(time: Any, x: Any, dx: Any, p: Any, out: Any) -> None:
     """p: stiffness, damping, half of the play, ratio, offset. Teeth with play never pull."""
     twist = x[0] - p[3] * x[1] - p[4]
     rate = dx[0] - p[3] * dx[1]
@@ -40,36 +40,39 @@ def _meshed(time: Any, x: Any, dx: Any, p: Any, out: Any) -> None:
 class GearPair(base.OnJoint):
     """Two meshing gears: `joint` follows `leader` as q = ratio q_leader + offset, within play.
 
-    Beyond it teeth are a spring and a damper: with play these never pull, without they act both
+    Beyond the play, teeth are a spring and a damper, which never pull; without play they act both
     ways. The law is that of Modelica's ElastoBacklash2 (Rotational.Components of its standard
-    library). All is referred to `joint`; the leader feels -ratio times its torque.
+    library). All is referred to `joint`; -ratio times its torque acts on the leader.
 
-    Either gear may be driven, or neither. Bearings do not feel the force of the teeth. Where
-    neither the motion nor a state says where one of the gears begins, it begins where the other
-    puts it, in the middle of the play.
+    Either gear may be driven, or neither. Bearings do not feel the force of the teeth. A gear whose
+    start neither the motion nor a state gives begins where the other one puts it, in the middle of
+    the play.
     """
 
     kind: ClassVar[str] = "gear-pair"
     stores: ClassVar[bool] = True
 
     leader: str | None = None
-    """Joint that it follows; with `ratio`, or neither: then as the URDF has `joint` mimic one."""
+    """Joint that `joint` follows. Give it with `ratio`, or neither: then both are those of the
+    URDF's mimic."""
     _: KW_ONLY
     ratio: OptionalQuantity = quantity("", default=None, label="gear ratio")
     """Speed of `joint` over the leader's, negative for external teeth: -z_leader/z_joint [1, or
     rad/m or m/rad where one of them slides]."""
     offset: OptionalQuantity = quantity("rad", "m", default=None)
-    """Where `joint` is with the leader at 0, in the middle of the play; 0, or the mimic's."""
+    """Position of `joint` with the leader at 0, in the middle of the play [rad or m]; 0 or the
+    mimic's if not given."""
     play: Quantity = quantity("rad", "m", default=0.0, least=0.0, label="play of teeth")
-    """Of `joint`, leader held, from one flank to the other [rad or m]."""
+    """Play of `joint` with the leader held, from one flank to the other [rad or m]."""
     stiffness: Quantity = quantity("N*m/rad", "N/m", above=0.0)
-    """[N m/rad, or N/m for prismatic joints]."""
+    """Stiffness of the teeth [N m/rad, or N/m for prismatic joints]."""
     damping: Quantity = quantity("N*m*s/rad", "N*s/m", default=0.0, least=0.0)
-    """[N m s/rad or N s/m]."""
+    """Damping of the teeth [N m s/rad or N s/m]."""
     centre_distance: OptionalQuantity = quantity("m", default=None, above=0.0)
-    """Between the axes, by which results have the teeth's force [m]."""
+    """Distance of the axes; if given, results have the force of the teeth [m]."""
     pressure_angle: Quantity = quantity("rad", default=math.radians(20.0), least=0.0)
-    """Between that force and the common tangent of the pitch circles, 20 degrees if not given."""
+    """Angle between that force and the common tangent of the pitch circles, 20 degrees if not given
+    [rad]."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -91,7 +94,7 @@ class GearPair(base.OnJoint):
             )
 
     def follows(self, mechanism: Mechanism) -> Mimic:
-        """What `joint` follows; refused where nothing says it, or it is no gear's."""
+        """Leader, ratio and offset of `joint`; refused if not given, or impossible for gears."""
         for name in (self.joint, self.leader or self.joint):
             require_known("moving joint", name, mechanism.joints)
         entries = mechanism.description.joints
@@ -126,7 +129,7 @@ class GearPair(base.OnJoint):
         return base.Site(both, both, levers=(1.0, -mimic.multiplier))
 
     def law(self) -> Callable[..., None]:
-        return _meshed
+        return _teeth_law
 
     def numbers(self, mechanism: Mechanism) -> np.ndarray:
         _, ratio, offset = self.follows(mechanism)
@@ -147,8 +150,10 @@ class GearPair(base.OnJoint):
         return self.stiffness
 
     def record(self, x: np.ndarray, answers: np.ndarray) -> Sequence[base.Series]:
-        """Torque on `joint`, and the teeth's force along their line of action, if its place is
-        known: torques on both gears over their pitch radii, which differ by the centre distance.
+        """Torque on `joint`; with a `centre_distance` also the force along the line of action.
+
+        That is the sum of both gears' torques over the sum of their base radii (the difference, of
+        internal teeth): the centre distance times the cosine of the pressure angle.
         """
         series = tuple(super().record(x, answers))
         if self.centre_distance is None:
@@ -165,8 +170,8 @@ class GearPair(base.OnJoint):
 
 
 def led_by_teeth(load: base.Load, mechanism: Mechanism, motion: Motion) -> set[str]:
-    """Joint that neither stands nor has a drive of its own where a motion names others: of two
-    gears the one that follows, the leader where the motion names the other.
+    """The joint of a gear pair that teeth lead, so that it needs no drive where a motion names
+    others: the one that follows, or the leader where the motion names that.
     """
     if not isinstance(load, GearPair):
         return set()

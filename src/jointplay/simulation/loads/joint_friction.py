@@ -1,4 +1,4 @@
-"""Friction in a joint that grows with the force that the joint transmits."""
+"""Friction of a joint that grows with the force which the joint transmits."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ if TYPE_CHECKING:
     from jointplay.model.mechanism import Mechanism
 
 TIME, LEVEL, RATE = range(3)
-"""Places of `_rubbed`'s numbers."""
+"""Indices of the numbers of `_friction_law`."""
 
 
-def _rubbed(time: Any, x: Any, dx: Any, p: Any, out: Any) -> None:
-    """p: a time, friction then, and how fast it grows. It is neither negative nor ever doubled."""
+def _friction_law(time: Any, x: Any, dx: Any, p: Any, out: Any) -> None:
+    """p: a time, the friction then, and its rate. Friction stays within zero and twice that."""
     level = p[1] + p[2] * (time - p[0])
     level = min(max(level, 0.0), 2.0 * p[1])
     out[0] = -level * math.tanh(dx[0] / JOINT_FRICTION_SPEED)
@@ -33,21 +33,21 @@ class LoadedFriction(OnJoint):
     """Dry friction of a bearing under the force F that its joint transmits.
 
     Revolute: coefficient (radius |F across the axis| + axial_radius |F along it|); prismatic:
-    coefficient |F across the axis|. Moments in the bearing do not enter. It turns its sign over 1
-    mrad/s or 1 mm/s, as `JointFriction` does, beside which it acts.
+    coefficient |F across the axis|. Moments in the bearing do not enter. Its sign changes over 1
+    mrad/s or 1 mm/s, as that of `JointFriction`, beside which it acts.
 
     F follows from the motion of all that the joint carries, as a mean over 0.2 ms
-    (`simulation.acting`), drawn on along a line for as long. In a mechanism with loops the motion
-    does not tell the forces: there it is refused.
+    (`simulation.acting`), extrapolated along a line for as long. In a mechanism with loops the
+    motion does not determine the forces: there it is refused.
     """
 
     kind: ClassVar[str] = "loaded-friction"
     stores: ClassVar[bool] = True  # its answer at rest is zero
 
     coefficient: Quantity = quantity("", least=0.0, label="coefficient of friction")
-    """Of friction."""
+    """Coefficient of friction."""
     radius: Quantity = quantity("m", default=0.0, least=0.0, label="bearing radius")
-    """Of the bearing [m]."""
+    """Radius of the bearing [m]."""
     axial_radius: Quantity = quantity("m", default=0.0, least=0.0, label="axial radius")
     """Mean radius of the face that takes the force along the axis [m]."""
 
@@ -72,7 +72,7 @@ class LoadedFriction(OnJoint):
         return site
 
     def law(self) -> Callable[..., None]:
-        return _rubbed
+        return _friction_law
 
     def numbers(self, mechanism: Mechanism) -> np.ndarray:
         return np.zeros(3)
@@ -81,7 +81,7 @@ class LoadedFriction(OnJoint):
         return ALWAYS
 
     def friction(self, force: np.ndarray, axis: np.ndarray, slides: bool) -> float:
-        """Friction under a force of the parent on the child [N], `axis` in the same axes."""
+        """Friction [N m or N] under a force of the parent on the child [N]; `axis`: the joint's."""
         along = float(force @ axis)
         across = float(np.linalg.norm(force - along * axis))
         if slides:

@@ -1,7 +1,7 @@
-"""The URDF's limits of joints: of their position, speed and effort.
+"""The URDF's limits of joints: position, speed and effort.
 
-A motion beyond a position limit is refused; speeds and efforts beyond theirs are reported, with
-joint, time and value, those of the reference before the run and those of the run in its audit.
+A motion beyond a position limit is refused. Speeds and efforts beyond theirs are reported, with
+joint, time and value: those of the reference before the run, those of the run in its audit.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ if TYPE_CHECKING:
     from jointplay.simulation.motion.reference import Motion
 
 LIMITS = ("report", "cut", "ignore")
-"""What becomes of them: ``cut`` also cuts efforts to them, ``ignore`` checks nothing."""
+"""Treatments of the limits: ``cut`` also cuts efforts to them, ``ignore`` checks nothing."""
 INTERVAL_S = 1e-3
-"""Interval at which a reference is held against them."""
+"""Interval at which a reference is compared with the limits [s]."""
 MARGIN = 1e-6
-"""What passes for rounding [rad or m; of speeds and efforts relative]."""
+"""Excess over a limit that counts as rounding [rad or m; speeds and efforts: relative]."""
 _SIZES = {"speed": ("a speed", ("rad/s", "m/s")), "effort": ("an effort", ("N m", "N"))}
-"""Words and units, of revolute and of prismatic joints."""
+"""Nouns for messages, and units for revolute and prismatic joints, by the limit's name."""
 
 
 def bounds(mechanism: Mechanism) -> dict[str, float]:
@@ -36,7 +36,7 @@ def bounds(mechanism: Mechanism) -> dict[str, float]:
 
 
 def check_motion(mechanism: Mechanism, motion: Motion, joints: Sequence[str]) -> list[str]:
-    """Hold a reference against the limits; returns speeds beyond them, a line each.
+    """Compare a reference with the limits; returns speeds beyond them, a line each.
 
     Raises:
         JointplayError: a position beyond its limit.
@@ -59,12 +59,13 @@ def check_motion(mechanism: Mechanism, motion: Motion, joints: Sequence[str]) ->
 def beyond(
     mechanism: Mechanism, times: np.ndarray, q: np.ndarray, v: np.ndarray, effort: np.ndarray
 ) -> tuple[str, ...]:
-    """Say in what a run went beyond the limits, a line for each joint and quantity.
+    """Where a run went beyond the limits: a line for each joint and quantity that did.
 
     Args:
-        times: of the records (n,) [s].
-        q, v: of the coordinates (n, nv).
-        effort: of drives and controllers on the coordinates (n, nv).
+        mechanism: the mechanism with its limits.
+        times: times of the records (n,) [s].
+        q, v: coordinates and velocities (n, nv).
+        effort: efforts of drives and controllers on the coordinates (n, nv).
     """
     lines = []
     for name, entry, position, sizes in _histories(mechanism, q, v, effort):
@@ -77,7 +78,7 @@ def beyond(
 
 
 def worst(mechanism: Mechanism, q: np.ndarray, v: np.ndarray, effort: np.ndarray) -> np.ndarray:
-    """Places of the records, ascending, by which `beyond` says of these what it says of all."""
+    """Indices of a few records, ascending, for which `beyond` returns the same as for all."""
     rows = {0}
     for _, entry, position, sizes in _histories(mechanism, q, v, effort):
         rows |= {int(np.argmax(position)), int(np.argmin(position))}
@@ -93,7 +94,7 @@ def worst(mechanism: Mechanism, q: np.ndarray, v: np.ndarray, effort: np.ndarray
 def _histories(
     mechanism: Mechanism, q: np.ndarray, v: np.ndarray, effort: np.ndarray
 ) -> Iterator[tuple[str, JointEntry, np.ndarray, dict[str, np.ndarray]]]:
-    """Name, entry, position and, by the name of its limit, speed and effort of each joint."""
+    """Name, entry and position of each joint, and its speed and effort by the limit's name."""
     for name in mechanism.joints:
         entry = mechanism.description.joints.get(name)
         if entry is not None:
@@ -102,7 +103,7 @@ def _histories(
 
 
 def _position_beyond(entry: JointEntry, times: np.ndarray, values: np.ndarray) -> str | None:
-    """Where a position is furthest beyond its limits; None if nowhere."""
+    """The position furthest beyond its limits, in words; None if none is."""
     if entry.lower is None or entry.upper is None:
         return None
     over = np.maximum(entry.lower - values, values - entry.upper)
@@ -117,7 +118,7 @@ def _position_beyond(entry: JointEntry, times: np.ndarray, values: np.ndarray) -
 
 
 def _size_beyond(entry: JointEntry, kind: str, times: np.ndarray, values: np.ndarray) -> str | None:
-    """The largest value and when, if it is beyond its limit, and when that began."""
+    """The largest value beyond its limit, when, and when that began, in words; None if none is."""
     limit = getattr(entry, kind)
     if limit is None:
         return None

@@ -1,4 +1,4 @@
-"""Springs and dampers: between two points of a mechanism, to the ground, or at a joint; stops."""
+"""Springs with dampers: between two points of a mechanism, or at a joint; stops of joints."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ if TYPE_CHECKING:
     from jointplay.model.mechanism import Mechanism
 
 
-# A spring and damper between two points of a mechanism, or between one and the ground.
+# Springs between two points of a mechanism, of which one may be on the ground.
 
 
 _POINT_M = 1e-12
-"""Length at which a spring has no direction."""
+"""Length up to which a spring has no direction, and does not pull [m]."""
 
 
-def _linear(time: Any, x: Any, dx: Any, p: Any, out: Any) -> None:
+def _linear_law(time: Any, x: Any, dx: Any, p: Any, out: Any) -> None:
     """p: stiffness, damping, free length."""
     length = math.sqrt(x[0] * x[0] + x[1] * x[1] + x[2] * x[2])
     for k in range(6):
@@ -37,7 +37,7 @@ def _linear(time: Any, x: Any, dx: Any, p: Any, out: Any) -> None:
             out[k] = -pull * x[k] / length
 
 
-def _curve(time: Any, x: Any, dx: Any, p: Any, out: Any) -> None:
+def _curve_law(time: Any, x: Any, dx: Any, p: Any, out: Any) -> None:
     """p: number of points, damping, lengths, forces."""
     length = math.sqrt(x[0] * x[0] + x[1] * x[1] + x[2] * x[2])
     for k in range(6):
@@ -60,17 +60,17 @@ def _curve(time: Any, x: Any, dx: Any, p: Any, out: Any) -> None:
 
 @dataclass(frozen=True)
 class _Between(base.OnFrame):
-    """What all springs between two points have in common."""
+    """A spring between two points: its other end, and its damper."""
 
     stores: ClassVar[bool] = True
 
     _: KW_ONLY
     other: str = base.WORLD
-    """Link or frame at its other end; ``world`` is the ground."""
+    """Link or frame at the other end; ``world`` is the ground."""
     other_at: base.Vector = quantity("m", default=(0.0, 0.0, 0.0))
-    """Point in the axes of `other` [m]."""
+    """Point of the other end in the axes of `other` [m]."""
     damping: Quantity = quantity("N*s/m", default=0.0, least=0.0, label="spring damping")
-    """[N s/m]."""
+    """Damping along the spring [N s/m]."""
 
     def site(self, mechanism: Mechanism) -> base.Site:
         return base.between(
@@ -92,20 +92,21 @@ class _Between(base.OnFrame):
 
 @dataclass(frozen=True)
 class Spring(_Between):
-    """A linear spring and damper between two points: force = stiffness (length - free_length) + ...
+    """A linear spring and damper between two points.
 
-    ... damping times the rate of the length; positive, it pulls the points together.
+    Force = stiffness (length - free_length) + damping d(length)/dt; positive, it pulls the points
+    together.
     """
 
     kind: ClassVar[str] = "spring"
 
     stiffness: Quantity = quantity("N/m", above=0.0, label="spring stiffness")
-    """[N/m]."""
+    """Stiffness along the spring [N/m]."""
     free_length: Quantity = quantity("m", least=0.0, label="free length")
     """Length at which it does not pull [m]."""
 
     def law(self) -> Callable[..., None]:
-        return _linear
+        return _linear_law
 
     def numbers(self, mechanism: Mechanism) -> np.ndarray:
         return np.array([self.stiffness, self.damping, self.free_length])
@@ -129,7 +130,7 @@ class CurveSpring(_Between):
     kind: ClassVar[str] = "curve-spring"
 
     lengths: tuple[float, ...] = quantity("m", label="spring lengths")
-    """Increasing [m]."""
+    """Lengths of the points of its curve, increasing [m]."""
     forces: tuple[float, ...] = quantity("N", label="spring forces")
     """Force at each length [N]."""
 
@@ -143,7 +144,7 @@ class CurveSpring(_Between):
             )
 
     def law(self) -> Callable[..., None]:
-        return _curve
+        return _curve_law
 
     def numbers(self, mechanism: Mechanism) -> np.ndarray:
         return np.array([len(self.lengths), self.damping, *self.lengths, *self.forces])
@@ -165,12 +166,12 @@ class CurveSpring(_Between):
 # Springs at a joint: a torsion spring, and stops with stiffness and damping.
 
 
-def _twisted(time: Any, x: Any, dx: Any, p: Any, out: Any) -> None:
+def _torsion_law(time: Any, x: Any, dx: Any, p: Any, out: Any) -> None:
     """p: stiffness, damping, rest."""
     out[0] = -p[0] * (x[0] - p[2]) - p[1] * dx[0]
 
 
-def _stopped(time: Any, x: Any, dx: Any, p: Any, out: Any) -> None:
+def _stop_law(time: Any, x: Any, dx: Any, p: Any, out: Any) -> None:
     """p: stiffness, damping, lower and upper stop. A stop never pulls."""
     out[0] = 0.0
     if x[0] < p[2]:
@@ -181,14 +182,14 @@ def _stopped(time: Any, x: Any, dx: Any, p: Any, out: Any) -> None:
 
 @dataclass(frozen=True)
 class _AtJoint(base.OnJoint):
-    """What springs at a joint have in common."""
+    """A spring at a joint: its stiffness and its damper."""
 
     stores: ClassVar[bool] = True
 
     stiffness: Quantity = quantity("N*m/rad", "N/m", above=0.0)
-    """[N m/rad, or N/m for prismatic joints]."""
+    """Stiffness [N m/rad, or N/m for prismatic joints]."""
     damping: Quantity = quantity("N*m*s/rad", "N*s/m", default=0.0, least=0.0)
-    """[N m s/rad or N s/m]."""
+    """Damping [N m s/rad or N s/m]."""
 
     def steepest(self) -> float:
         return self.stiffness
@@ -204,7 +205,7 @@ class TorsionSpring(_AtJoint):
     """Position at which it does not push [rad or m]."""
 
     def law(self) -> Callable[..., None]:
-        return _twisted
+        return _torsion_law
 
     def numbers(self, mechanism: Mechanism) -> np.ndarray:
         return np.array([self.stiffness, self.damping, self.rest], float)
@@ -223,9 +224,9 @@ class Stop(_AtJoint):
     kind: ClassVar[str] = "stop"
 
     lower: OptionalQuantity = quantity("rad", "m", default=None, label="lower stop")
-    """Where the lower one begins; the URDF's limit if not given [rad or m]."""
+    """Position at which the lower stop begins; the URDF's limit if not given [rad or m]."""
     upper: OptionalQuantity = quantity("rad", "m", default=None, label="upper stop")
-    """The upper one."""
+    """Position at which the upper stop begins; the URDF's limit if not given [rad or m]."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -235,10 +236,10 @@ class Stop(_AtJoint):
             )
 
     def law(self) -> Callable[..., None]:
-        return _stopped
+        return _stop_law
 
     def ends(self, mechanism: Mechanism) -> tuple[float, float]:
-        """Where both begin, infinite for none [rad or m]; refused if nothing says where."""
+        """Positions at which the stops begin, infinite for none [rad or m]; one is needed."""
         entry = mechanism.description.joints.get(self.joint)
         lower = self.lower if self.lower is not None else getattr(entry, "lower", None)
         upper = self.upper if self.upper is not None else getattr(entry, "upper", None)

@@ -1,4 +1,4 @@
-"""A given force and moment on a frame: constant, over time, or a function of the user's own."""
+"""Wrenches: a given force and moment on a frame, constant, over time, or by a user's function."""
 
 from __future__ import annotations
 
@@ -18,15 +18,12 @@ if TYPE_CHECKING:
     from jointplay.model.mechanism import Mechanism
 
 
-# Loads of a user's function (`contact.functions`): it finds its parameters in an array.
-
-
 @dataclass(frozen=True, kw_only=True)
 class LoadFunctionDescription(FunctionDescription):
-    """How files describe a load that is made of a user's function."""
+    """How files describe a load by a user's function (`contact.functions`)."""
 
     parameters: tuple[float, ...] = quantity("", default=())
-    """Numbers for the function."""
+    """Numbers for the function, which it finds in an array."""
 
 
 def check_arguments(function: Callable[..., Any], expected: tuple[str, ...]) -> None:
@@ -55,6 +52,7 @@ def _wrench_law(time: Any, x: Any, dx: Any, p: Any, out: Any) -> None:
 
     Linear between the times, constant before and after.
     """
+    # The interval of the present time, by bisection.
     n = int(p[0])
     low, high = 0, n - 1
     while high - low > 1:
@@ -70,7 +68,7 @@ def _wrench_law(time: Any, x: Any, dx: Any, p: Any, out: Any) -> None:
     for k in range(6):
         a, b = p[2 + n + 6 * low + k], p[2 + n + 6 * high + k]
         out[k] = a + part * (b - a)
-    if p[1] != 0.0:
+    if p[1] != 0.0:  # from the frame's axes to the world's
         for s in range(0, 6, 3):
             a, b, c = out[s], out[s + 1], out[s + 2]
             for k in range(3):
@@ -78,8 +76,8 @@ def _wrench_law(time: Any, x: Any, dx: Any, p: Any, out: Any) -> None:
 
 
 @dataclass(frozen=True)
-class _Pushing(OnFrame):
-    """What all wrenches have in common."""
+class _WorldWrench(OnFrame):
+    """A wrench of the world on a frame."""
 
     def site(self, mechanism: Mechanism) -> Site:
         return between(mechanism, frame(mechanism, WORLD), frame(mechanism, self.frame, self.at))
@@ -92,27 +90,27 @@ class _Pushing(OnFrame):
 
 
 @dataclass(frozen=True)
-class _InAxes(_Pushing):
+class _GivenWrench(_WorldWrench):
     """A wrench given in the axes of the world or of its frame, by the law `_wrench_law`."""
 
     _: KW_ONLY
     axes: str = choice("axes for a wrench", AXES, default=AXES[0])
-    """Axes of force and moment: ``world``, or ``frame``: they turn with it."""
+    """Axes of force and moment: ``world``, or ``frame``, with which they turn."""
 
     def law(self) -> Callable[..., None]:
         return _wrench_law
 
 
 @dataclass(frozen=True)
-class Wrench(_InAxes):
+class Wrench(_GivenWrench):
     """A constant force and moment on a frame."""
 
     kind: ClassVar[str] = "wrench"
 
     force: Vector = quantity("N", default=(0.0, 0.0, 0.0))
-    """[N]."""
+    """Force at the point [N]."""
     moment: Vector = quantity("N*m", default=(0.0, 0.0, 0.0))
-    """[N m]."""
+    """Moment about the point [N m]."""
 
     def numbers(self, mechanism: Mechanism) -> np.ndarray:
         turns = self.axes == "frame"
@@ -120,13 +118,13 @@ class Wrench(_InAxes):
 
 
 @dataclass(frozen=True)
-class WrenchOverTime(_InAxes):
-    """A force and moment on a frame given in time: linear between the times, constant outside."""
+class WrenchOverTime(_GivenWrench):
+    """A force and moment on a frame over time: linear between given times, constant outside."""
 
     kind: ClassVar[str] = "wrench-over-time"
 
     times: tuple[float, ...] = quantity("s", label="wrench times")
-    """Increasing [s]."""
+    """Times of forces and moments, increasing [s]."""
     forces: tuple[Vector, ...] = quantity("N", default=())
     """Force at each time [N]; none if not given."""
     moments: tuple[Vector, ...] = quantity("N*m", default=())
@@ -161,14 +159,14 @@ class WrenchDescription(LoadFunctionDescription):
 
 
 @dataclass(frozen=True)
-class WrenchFunction(OfFunction, _Pushing):
+class WrenchFunction(OfFunction, _WorldWrench):
     """A force and moment on a frame by a function of the user's own, compiled like a law.
 
-    ``function(time, pose, twist, p, out)`` has the time [s]; the point's position [m] and the
+    ``function(time, pose, twist, p, out)`` gets the time [s]; the point's position [m] and the
     frame's orientation row by row (12 numbers); its velocity [m/s] and angular velocity [rad/s]
     (6); and the parameters. It writes force [N] and moment [N m] about the point into out (6).
-    Everything is in world axes. Velocities are extrapolated by half a step. Whether it compiles is
-    found out when a run is prepared.
+    Everything is in world axes. Velocities are extrapolated by half a step. A function that does
+    not compile is refused when a run is prepared.
     """
 
     written = WrenchDescription
@@ -176,7 +174,8 @@ class WrenchFunction(OfFunction, _Pushing):
     kind: ClassVar[str] = "wrench-function"
 
     function: Callable[..., Any]
-    """At module level of an importable file (files then name it as ``module:function``)."""
+    """A function at module level of an importable file (files then name it as
+    ``module:function``)."""
     parameters: tuple[float, ...] = quantity("", default=())
     """Numbers that the function finds in p."""
 

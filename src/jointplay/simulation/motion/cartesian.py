@@ -1,7 +1,16 @@
-"""From where the tool shall be to how the joints must move: inverse kinematics of the ideal robot.
+"""Inverse kinematics of the ideal robot: joint motions that lead its tool through poses.
 
-A controller knows nothing of clearance. The reference is therefore that of the ideal mechanism; how
-far the real tool misses it is what a simulation with clearance shows.
+A controller knows nothing of clearance, so that the reference is that of the ideal mechanism; how
+far the tool misses it is what a simulation with clearance shows.
+
+1. `Arm` is the ideal mechanism with its constraints: loops that stay closed, joints that mimic
+   others. `Arm.search` finds a configuration for a pose by Levenberg and Marquardt's method, with
+   the constraints as further residuals; `Arm.nearest` moves along the null space to the solution
+   nearest to the configuration before.
+2. `cartesian_path` solves each waypoint from the one before, so that the robot keeps its branch, on
+   a line many points between; `_solve` refuses singular configurations, and says why a pose cannot
+   be reached.
+3. `reachable` asks for many poses whether they can be reached at all.
 """
 
 from __future__ import annotations
@@ -33,65 +42,65 @@ from jointplay.model.tree import Tree
 from jointplay.model.urdf import Mimic
 from jointplay.simulation.motion.reference import Motion, check_waypoints
 
-# The ideal arm, and how its joints must stand for its tool to be somewhere.
+# The ideal mechanism and its inverse kinematics.
 
 
 ANGLE_ARM_M = 0.1
-"""What turns an angle of the tool into a length [m]: 1 rad counts as 0.1 m."""
+"""Lever arm that turns an angle of the tool into a length [m/rad]."""
 REACHED_M = 1e-11
-"""Error within which a waypoint counts as reached [m]."""
+"""Residual below which a waypoint counts as reached [m]."""
 NEARLY_M = 1e-6
-"""Error to which a search that ends in a singular configuration may have come [m]."""
+"""Residual below which a search that ends in a singular configuration counts as near [m]."""
 SINGULAR_M = 1e-4
-"""Singular values of the tool's Jacobian below this have lost their direction [m per rad or m]."""
+"""Singular value of the tool's Jacobian below which a direction is lost [m per rad or m]."""
 _DAMPING = (1e-7, 1e-2, 1e3)
 """Smallest, first and largest damping of the search [m]."""
 _ITERATIONS = 300
-"""Steps of a search, at most: judged; `_STALLED` ends most that come to nothing."""
+"""Most steps of a search: judged; `_STALLED` ends most that come to nothing."""
 _FAR = 2.0
-"""Beyond so many times its reach (`Arm.reach`) nothing is searched; nearer, a search says how near
-the tool comes."""
+"""Distance, over the mechanism's reach (`Arm.reach`), beyond which nothing is searched; nearer, a
+search says how near the tool comes."""
 _STALLED, _STALLED_FALL = 20, 0.99
-"""Steps of a search (damping takes 17 of them from its smallest to its largest) in which the error
-must fall below this part of itself: where it does not, there is no solution to come to."""
+"""Steps of a search (damping takes 17 of them from its smallest to its largest) in which the
+residual must fall below this part of itself: where it does not, there is no solution."""
 _LOST = 1e-8
-"""Singular values of the loops' Jacobian below this part of the largest are none."""
+"""Singular value of the constraints' Jacobian, relative to the largest, that counts as zero."""
 SINGULAR = 1e-3
-"""Least motion of the driven joints in a motion of all joints of size 1, see `Arm.authority`."""
+"""Least authority of the driven joints, see `Arm.authority`."""
 _SAMPLES = 5
-"""Closed configurations in which freedoms are counted, beside the first."""
+"""Closed configurations, beside the first, in which freedoms are counted."""
 _SAME = 1e-6
-"""Within which two configurations are the same [rad or m]."""
+"""Largest difference of two configurations that count as the same [rad or m]."""
 _NEAR = 30
-"""Steps of a search for what is near."""
+"""Most steps of a search for a configuration that is near."""
 _LEAST_SHARE = 1.0 / 256.0
-"""Of the way to a target, the least step in which it is approached."""
-_BOND_WEIGHT = 1e3
-"""Of what the joints must keep to, beside the tool that cannot be led where it shall be."""
+"""Smallest step in which a target is approached, relative to the whole way."""
+_CONSTRAINT_WEIGHT = 1e3
+"""Weight of the constraints against the tool's residual in `Arm.nearest_miss`."""
 HALF_RANGE = math.pi
-"""Range of restarts about zero, for joints without limits [rad or m]."""
+"""Half the range of restarts about zero, for joints without limits [rad or m]."""
 
 
 class Target(NamedTuple):
-    """Where the frame shall be."""
+    """A pose that the frame shall have, in the world."""
 
     position: np.ndarray
     turn: np.ndarray | None = None
-    """Rotation matrix; None: any."""
+    """Rotation matrix; None: any orientation."""
 
     def __str__(self) -> str:
         x, y, z = self.position
         return f"({x:.6g}, {y:.6g}, {z:.6g}) m"
 
     def way_to(self, end: Target) -> tuple[np.ndarray, np.ndarray]:
-        """Way [m] and rotation vector [rad]."""
+        """Displacement [m] and rotation vector [rad] from here to `end`."""
         axis = np.zeros(3)
         if self.turn is not None and end.turn is not None:
             axis = pin.log3(self.turn.T @ end.turn)
         return end.position - self.position, axis
 
     def towards(self, end: Target, part: float) -> Target:
-        """After a part of the way to another."""
+        """The pose after a part of the way to `end`."""
         if part == 1.0:
             return end
         shift, axis = self.way_to(end)
@@ -106,27 +115,27 @@ class SearchEnd:
     """Where a search ended."""
 
     q: np.ndarray
-    error: np.ndarray
-    """Distance in world axes [m], the rotation vector that is left times `ANGLE_ARM_M`, and what
-    is left of what the joints must keep to (`Arm.bonds`)."""
+    residual: np.ndarray
+    """Displacement left to the target in world axes [m], rotation vector left times `ANGLE_ARM_M`
+    [m], and residuals of the constraints [m]."""
     reached: bool
-    """Whether the frame is there, and all loops are closed."""
+    """Whether the frame is there, and the constraints are kept."""
 
 
 class Arm:
-    """The ideal mechanism, the frame that is led, and what its joints must keep to.
+    """The ideal mechanism, the frame that is led, and the constraints on its joints.
 
-    Loops must stay closed, and joints that mimic others follow them: the search has both as
-    residuals beside the tool's. What the mechanism can then still do are the columns of `freedoms`.
-    The arguments are those of `cartesian_path`.
+    Loops must stay closed, and joints that mimic others must follow them: the search has both as
+    residuals beside the tool's. The motions that they allow are the columns of `freedoms`. The
+    arguments are those of `cartesian_path`.
 
     Attributes:
-        joints: those that the motion names.
+        joints: joints that the motion names.
         at: their coordinates.
-        origin, reach: a fixed point, from which the frame is never farther away than this [m].
-        seed: where the search begins, with loops closed, shape (nq,).
+        origin, reach: a fixed point, and the largest distance of the frame from it [m].
+        seed: configuration where searches begin, loops closed, shape (nq,).
         mobility: number of independent freedoms.
-        rank: of the directions in which the tool can be led at all.
+        rank: number of directions in which the tool can be led at all (`find_rank`).
     """
 
     def __init__(
@@ -147,14 +156,16 @@ class Arm:
             raise JointplayError("a Cartesian motion needs moving joints, this robot has none")
         self.model, self.data = ideal.model, ideal.data
         self.frame = frame_index(self.model, ideal.tool if frame is None else frame)
+        # Limits, and the sphere of the tool.
         self.low, self.high = np.full((2, len(self.names)), [[-np.inf], [np.inf]])
         single = [name for name in ideal.joints if name in self.names]
         at = [ideal.coordinate(name) for name in single]
         self.low[at], self.high[at] = joint_limits(mechanism, single)
         self.origin, self.reach = self._sphere()
+        # Constraints, and a configuration that keeps them.
         self.mimics: dict[str, Mimic] = {}
-        self._weight = 1.0
-        self._within = REACHED_M
+        self._constraint_weight = 1.0
+        self._tolerance = REACHED_M
         self.seed = self._seed(start)
         if not ideal.loops and driven is not None:
             reason = "driven joints are chosen in closed loops only: here all its joints are driven"
@@ -162,6 +173,7 @@ class Arm:
         self.mimics = closed_loops.followed_mimics(ideal, self.seed, () if ideal.loops else start)
         if ideal.loops or self.mimics:
             self.seed = self.search(self.seed, None).q
+        # Freedoms, and the joints that a motion must lead.
         self.mobility = len(self.names)
         self.mobility = min(self.freedoms(q).shape[1] for q in self._samples())
         self.joints = ideal.joints
@@ -172,8 +184,9 @@ class Arm:
         self.rank = 0
 
     def _sphere(self) -> tuple[np.ndarray, float]:
-        """Centre (3,) and radius [m] of a sphere that the frame does not leave: the lengths from
-        joint to joint, whatever their angles, and the strokes of those that slide.
+        """Centre (3,) and radius [m] of a sphere that the frame does not leave.
+
+        The radius is the sum of the lengths from joint to joint and of the strokes of sliders.
         """
         tree = Tree(self.model)
         (body,), (place,) = tree.frames([carried(self.model, self.frame)])
@@ -187,7 +200,7 @@ class Arm:
         return link, reach
 
     def _seed(self, start: Mapping[str, float]) -> np.ndarray:
-        """What was given, the rest at zero or the limit next to it, with loops closed."""
+        """Positions as given, the others at zero or the limit next to it, with loops closed."""
         q = np.clip(np.zeros(len(self.names)), self.low, self.high)
         for name, value in start.items():
             if name not in self.names:
@@ -210,7 +223,10 @@ class Arm:
         return [self.seed, *(self.anywhere(random, 0.3) for _ in range(_SAMPLES))]
 
     def _driven(self, driven: Sequence[str] | None) -> tuple[str, ...]:
-        """The joints that the motion names, checked; None: the nearest to the base that suffice."""
+        """The joints that a motion must name: `driven`, checked; None: those nearest to the base.
+
+        They suffice if their rows of `freedoms` have the rank `mobility`, and are all needed.
+        """
         ideal = self.ideal
         bases = [self.freedoms(q) for q in self._samples()]
 
@@ -238,6 +254,7 @@ class Arm:
                 where=("driven",),
             )
         if held < self.mobility:
+            # Name the joints that still move where the driven ones stand.
             base, at = bases[0], [ideal.coordinate(name) for name in chosen]
             _, values, motions = np.linalg.svd(base[at])
             left = np.abs(base @ motions[int((values > _LOST).sum()) :].T).max(axis=1)
@@ -256,9 +273,9 @@ class Arm:
         pin.forwardKinematics(self.model, self.data, q)
         return pin.updateFramePlacement(self.model, self.data, self.frame)
 
-    def error(self, q: np.ndarray, target: Target | None) -> np.ndarray:
-        """As in `SearchEnd`; of the bonds only, without a target."""
-        parts = [self._open(q)]
+    def residual(self, q: np.ndarray, target: Target | None) -> np.ndarray:
+        """The residual of `SearchEnd`; without a target that of the constraints only."""
+        parts = [self._constraint_residual(q)]
         if target is not None:
             pose = self.pose(q)
             if target.turn is not None:
@@ -266,17 +283,17 @@ class Arm:
             parts.insert(0, target.position - pose.translation)
         return np.concatenate(parts)
 
-    def _open(self, q: np.ndarray) -> np.ndarray:
-        """What is left of the bonds, the sign as in `error`."""
+    def _constraint_residual(self, q: np.ndarray) -> np.ndarray:
+        """Gaps of the loops and of joints that mimic others, signed as displacements left [m]."""
         parts = [-openings(self.ideal, q) if self.ideal.loops else np.zeros(0)]
         for name, mimic in self.mimics.items():
             lead = q[self.names.index(mimic.leader)] if mimic.leader in self.names else 0.0
             off = mimic.multiplier * lead + mimic.offset - q[self.names.index(name)]
             parts.append(np.array([ANGLE_ARM_M * off]))
-        return self._weight * np.concatenate(parts)
+        return self._constraint_weight * np.concatenate(parts)
 
-    def bonds(self, q: np.ndarray) -> np.ndarray:
-        """Rows that are zero times each velocity with which loops stay closed and mimics follow."""
+    def constraint_rows(self, q: np.ndarray) -> np.ndarray:
+        """Jacobian of the constraints, whose null space keeps loops closed and mimics following."""
         rows = [np.zeros((0, self.model.nv))]
         if self.ideal.loops:
             rows.append(closing_rows(self.ideal, q))
@@ -284,11 +301,11 @@ class Arm:
             ANGLE_ARM_M * closed_loops.mimic_row(self.ideal, *mimic)[None]
             for mimic in self.mimics.items()
         ]
-        return self._weight * np.concatenate(rows)
+        return self._constraint_weight * np.concatenate(rows)
 
     def freedoms(self, q: np.ndarray) -> np.ndarray:
-        """Motions of all coordinates that the bonds allow, orthonormal, shape (nv, mobility)."""
-        rows = self.bonds(q)
+        """Orthonormal basis of the motions that the constraints allow, shape (nv, mobility)."""
+        rows = self.constraint_rows(q)
         if not len(rows):
             return np.eye(self.model.nv)
         _, values, right = np.linalg.svd(rows)
@@ -296,7 +313,7 @@ class Arm:
         return np.asarray(right[held:].T)
 
     def jacobian(self, q: np.ndarray, turning: bool) -> np.ndarray:
-        """Of the frame, angles on an arm, shape (3 or 6, nv)."""
+        """Jacobian of the frame, world axes, angles on `ANGLE_ARM_M`, shape (3 or 6, nv)."""
         kind = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
         jacobian = pin.computeFrameJacobian(self.model, self.data, q, self.frame, kind)
         jacobian = jacobian.reshape(6, self.model.nv)
@@ -304,26 +321,27 @@ class Arm:
             return jacobian[:3]
         return np.concatenate([jacobian[:3], ANGLE_ARM_M * jacobian[3:]])
 
-    def led(self, q: np.ndarray, turning: bool) -> np.ndarray:
+    def tool_motions(self, q: np.ndarray, turning: bool) -> np.ndarray:
         """Motion of the frame with each of `freedoms`, shape (3 or 6, mobility)."""
         return self.jacobian(q, turning) @ self.freedoms(q)
 
     def find_rank(self, turning: bool) -> None:
-        """How many directions the tool can be led in at all, somewhere.
+        """Find the largest number of directions in which the tool can be led, over random poses.
 
-        If they are fewer than asked for, the others need to fit only as exactly as numbers in a
-        URDF do.
+        If they are fewer than asked for, targets need to fit in the others only as exactly as
+        numbers in a URDF do.
         """
         self.random = np.random.default_rng(0)
         for _ in range(20):
-            values = np.linalg.svd(self.led(self.anywhere(self.random), turning), compute_uv=False)
+            motions = self.tool_motions(self.anywhere(self.random), turning)
+            values = np.linalg.svd(motions, compute_uv=False)
             self.rank = max(self.rank, int(np.sum(values > 10.0 * SINGULAR_M)))
-        self._within = NEARLY_M if self.rank < (6 if turning else 3) else REACHED_M
+        self._tolerance = NEARLY_M if self.rank < (6 if turning else 3) else REACHED_M
 
     def anywhere(self, random: np.random.Generator, reach: float | None = None) -> np.ndarray:
-        """A random configuration within the limits, its loops closed.
+        """A random configuration within the limits, its constraints kept.
 
-        `reach`: at most so far from the seed before loops are closed [rad or m]; None: anywhere.
+        `reach`: largest distance from the seed before loops are closed [rad or m]; None: any.
         """
         low = np.where(np.isfinite(self.low), self.low, -HALF_RANGE)
         high = np.where(np.isfinite(self.high), self.high, HALF_RANGE)
@@ -339,15 +357,15 @@ class Arm:
         return self.seed
 
     def manoeuvrability(self, q: np.ndarray, turning: bool) -> float:
-        """Smallest singular value of the directions in which the tool can be led at all [m]."""
-        values = np.linalg.svd(self.led(q, turning), compute_uv=False)
+        """Smallest singular value of the tool's motions, of the `rank` that it can have [m]."""
+        values = np.linalg.svd(self.tool_motions(q, turning), compute_uv=False)
         return float(values[self.rank - 1]) if self.rank else 0.0
 
     def authority(self, q: np.ndarray) -> float:
-        """How much the driven joints move at least in a motion of all joints of size 1.
+        """Least motion of the driven joints in a motion of all joints of size 1.
 
-        0 in a singular configuration of the second type (C. Gosselin, J. Angeles, IEEE Transactions
-        on Robotics and Automation 6 (1990) 281-290): the tool moves although they stand.
+        It is 0 in a singular configuration of type 2 (C. Gosselin, J. Angeles, IEEE Transactions on
+        Robotics and Automation 6 (1990) 281-290): the tool can move although they stand.
         """
         base = self.freedoms(q)
         if base.shape[1] > len(self.at):
@@ -355,8 +373,8 @@ class Arm:
         return float(np.linalg.svd(base[self.at], compute_uv=False)[-1])
 
     def attainable(self, turning: bool) -> str:
-        """In words, which components of the frame's pose the mechanism can lead."""
-        moves = [self.led(q, True) for q in self._samples()]
+        """Components of the frame's pose that the mechanism can lead, in words."""
+        moves = [self.tool_motions(q, True) for q in self._samples()]
         largest = np.max([np.abs(motion).max(axis=1) for motion in moves], axis=0)
         able = [axis for axis, size in zip("xyz", largest[:3], strict=True) if size > SINGULAR_M]
         turns = [axis for axis, size in zip("xyz", largest[3:], strict=True) if size > SINGULAR_M]
@@ -389,29 +407,30 @@ class Arm:
         bounds: tuple[np.ndarray, np.ndarray] | None = None,
         iterations: int = _ITERATIONS,
     ) -> SearchEnd:
-        """Levenberg-Marquardt from `seed`; joints that come to their limits stay there.
+        """Search from `seed` by Levenberg and Marquardt's method, within bounds (None: limits).
 
-        Steps are of least norm, so that joints which need not move do not. Without a target only
-        the loops are closed.
+        Joints that come to their limits stay there. Steps are of least norm, so that joints which
+        need not move do not. Without a target only the constraints are fulfilled.
         """
         low, high = (self.low, self.high) if bounds is None else bounds
         q, damping = np.clip(seed, low, high), _DAMPING[1]
-        error = self.error(q, target)
+        residual = self.residual(q, target)
         before = np.inf
         for k in range(iterations):
-            size = float(np.linalg.norm(error))
+            size = float(np.linalg.norm(residual))
             if size < 1e-3 * REACHED_M:
                 break
             if k % _STALLED == 0:
                 if size > _STALLED_FALL * before:
                     break
                 before = size
-            jacobian = self._all_rows(q, target)
+            jacobian = self._residual_rows(q, target)
+            # The damped step by singular values, without the joints that would leave their range.
             free = np.ones(len(q), bool)
-            while True:  # without the joints that would leave their range
+            while True:
                 left, values, right = np.linalg.svd(jacobian[:, free], full_matrices=False)
                 step = np.zeros(len(q))
-                step[free] = right.T @ (values / (values**2 + damping**2) * (left.T @ error))
+                step[free] = right.T @ (values / (values**2 + damping**2) * (left.T @ residual))
                 out = ((q <= low) & (step < 0.0)) | ((q >= high) & (step > 0.0))
                 if not out.any():
                     break
@@ -419,37 +438,38 @@ class Arm:
             trial = np.clip(q + step, low, high)
             if np.array_equal(trial, q):
                 break
-            left_over = self.error(trial, target)
-            if np.linalg.norm(left_over) < np.linalg.norm(error):
-                q, error, damping = trial, left_over, max(0.2 * damping, _DAMPING[0])
+            # Taken if it brings the residual down; else damped more.
+            left_over = self.residual(trial, target)
+            if np.linalg.norm(left_over) < np.linalg.norm(residual):
+                q, residual, damping = trial, left_over, max(0.2 * damping, _DAMPING[0])
             elif damping < _DAMPING[2]:
                 damping *= 4.0
             else:
                 break
-        return self._end(q, error)
+        return self._end(q, residual)
 
-    def _end(self, q: np.ndarray, error: np.ndarray) -> SearchEnd:
-        return SearchEnd(q, error, float(np.linalg.norm(error)) < self._within)
+    def _end(self, q: np.ndarray, residual: np.ndarray) -> SearchEnd:
+        return SearchEnd(q, residual, float(np.linalg.norm(residual)) < self._tolerance)
 
-    def _all_rows(self, q: np.ndarray, target: Target | None) -> np.ndarray:
-        """Jacobian of `error` without its sign."""
-        bonds = self.bonds(q)
+    def _residual_rows(self, q: np.ndarray, target: Target | None) -> np.ndarray:
+        """Jacobian of `residual`, its sign changed."""
+        constraints = self.constraint_rows(q)
         if target is None:
-            return bonds
-        return np.concatenate([self.jacobian(q, target.turn is not None), bonds])
+            return constraints
+        return np.concatenate([self.jacobian(q, target.turn is not None), constraints])
 
     def approach(self, q: np.ndarray, target: Target) -> SearchEnd:
-        """The configuration that leads to `target` from q, where the loops are closed.
+        """Search for `target` from q, where the loops are closed, without a jump to another branch.
 
-        In loops the tool goes there in a straight line, in steps from which the next one is found
-        without a jump: far from q, loops close in several ways. It ends where the line leaves the
+        With loops the tool goes in a straight line, in steps so short that each configuration is
+        near the last: far from q, loops close in several ways. It ends where the line leaves the
         workspace.
         """
         if not self.ideal.loops:
             return self.search(q, target)
         pose = self.pose(q)
         begin = Target(pose.translation.copy(), pose.rotation.copy())
-        part, share, end = 0.0, 1.0, self._end(q, self.error(q, target))
+        part, share, end = 0.0, 1.0, self._end(q, self.residual(q, target))
         while part < 1.0 and share > _LEAST_SHARE:
             ahead = min(part + share, 1.0)
             trial = self.search(end.q, begin.towards(target, ahead), iterations=_NEAR)
@@ -457,21 +477,28 @@ class Arm:
                 end, part, share = trial, ahead, 2.0 * share
             else:
                 share *= 0.5
-        return self._end(end.q, self.error(end.q, target))
+        return self._end(end.q, self.residual(end.q, target))
 
-    def short(self, end: SearchEnd, target: Target) -> SearchEnd:
-        """From where a search ended short of `target`, with the loops practically closed."""
-        self._weight = _BOND_WEIGHT
+    def nearest_miss(self, end: SearchEnd, target: Target) -> SearchEnd:
+        """Search for the pose nearest to `target` from a search that missed it, loops closed.
+
+        The constraints, weighted by `_CONSTRAINT_WEIGHT`, are kept practically exactly.
+        """
+        self._constraint_weight = _CONSTRAINT_WEIGHT
         try:
             return self.search(end.q, target)
         finally:
-            self._weight = 1.0
+            self._constraint_weight = 1.0
 
     def nearest(self, solution: SearchEnd, seed: np.ndarray, target: Target) -> SearchEnd:
-        """The solution nearest to `seed` that can be reached from `solution` without losing it."""
+        """The solution nearest to `seed` that can be reached from `solution` through solutions.
+
+        Each step goes to `seed` along the null space of the residual's Jacobian, and is corrected.
+        """
         share, held = 1.0, len(self.names) - self.mobility + self.rank
         for _ in range(_ITERATIONS):
-            _, _, right = np.linalg.svd(self._all_rows(solution.q, target), full_matrices=False)
+            rows = self._residual_rows(solution.q, target)
+            _, _, right = np.linalg.svd(rows, full_matrices=False)
             away = seed - solution.q
             step = away - right[:held].T @ (right[:held] @ away)
             if np.linalg.norm(step) < 1e-9 or share < 1e-3:
@@ -485,37 +512,39 @@ class Arm:
 
 
 def joint_limits(mechanism: Mechanism, joints: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
-    """Lower and upper limits that the URDF sets, infinite where it sets none."""
+    """Lower and upper limits of joints in the URDF, infinite where it sets none."""
     entries = [mechanism.description.joints[name] for name in joints]
     low = [-np.inf if entry.lower is None else entry.lower for entry in entries]
     high = [np.inf if entry.upper is None else entry.upper for entry in entries]
     return np.array(low), np.array(high)
 
 
+# Paths of the tool, solved point by point.
+
 PATHS = ("joint", "line")
 
 SAMPLE_S = 5e-3
 """Longest time between two inverse solutions on a line [s]."""
 SAMPLE_M = 2e-3
-"""Longest way of the tool between them [m]; an angle counts on an arm of `ANGLE_ARM_M`."""
+"""Longest way of the tool between them [m]; an angle counts on `ANGLE_ARM_M`."""
 JUMP = 0.1
-"""A joint that moves farther than this while the tool moves by `SAMPLE_M` jumps [rad or m]."""
+"""Motion of a joint between two solutions beyond which it jumps [rad or m]."""
 _PATIENCE_S = 2.0
-"""What takes longer has a bar [s]."""
+"""Time after which work shows a bar [s]."""
 _RESTARTS = 40
-"""Searches from anywhere before a waypoint is out of reach: judged; an arm of six
-axes has up to 16 branches."""
+"""Searches from random configurations before a waypoint is out of reach: judged; an arm of six axes
+has up to 16 branches."""
 
 
 @dataclass(frozen=True)
 class CartesianPath:
-    """Where joints must go so that the tool goes where it shall."""
+    """A motion of the joints that leads the tool along a path, and how loops are assembled."""
 
     motion: Motion
-    """Of all joints, in closed loops of the driven ones."""
+    """Motion of all joints, or in closed loops of the driven ones."""
     start: Mapping[str, float]
-    """In closed loops, where the joints that follow must be at the start so that the mechanism is
-    assembled as the path has it; empty where the driven ones leave no doubt [rad or m]."""
+    """In closed loops, positions at the start of the joints that follow, so that the mechanism is
+    assembled as the path has it; empty where the driven ones determine them [rad or m]."""
 
 
 def cartesian_motion(
@@ -525,10 +554,10 @@ def cartesian_motion(
     orientations: Sequence[Sequence[float]] | np.ndarray | None = None,
     **options: Any,
 ) -> Motion:
-    """The motion of `cartesian_path`, which has these options.
+    """Return the motion of `cartesian_path`, which explains the options.
 
-    In closed loops give the run the path's `start`, too, as its state: loops can close in several
-    ways.
+    In closed loops use `cartesian_path`, and give the run the path's `start` as its state: loops
+    can close in several ways.
     """
     return cartesian_path(mechanism, times, positions, orientations, **options).motion
 
@@ -544,34 +573,35 @@ def cartesian_path(
     start: Mapping[str, float] | None = None,
     driven: Sequence[str] | None = None,
 ) -> CartesianPath:
-    """Reference motion that leads the tool of the ideal mechanism through waypoints.
+    """Make a reference motion that leads the tool of the ideal mechanism through waypoints.
 
     Each waypoint is solved from the one before, so that the robot keeps its branch (elbow, wrist,
-    the way in which its loops are assembled); within the joint limits of the URDF. Where the
-    waypoints leave joints free to choose - more joints than commanded directions - the
-    configuration nearest to the one before is taken, 1 m counting as 1 rad. The method is that of
-    Levenberg and Marquardt on the frame's Jacobian (K. Levenberg, Quarterly of Applied Mathematics
-    2 (1944) 164-168); closed loops, and joints that mimic others, are further residuals of it.
+    the way in which its loops are assembled), within the joint limits of the URDF. A redundant
+    robot (more joints than commanded directions) takes the configuration nearest to the one before,
+    1 m counting as 1 rad. The method is that of Levenberg and Marquardt on the frame's Jacobian (K.
+    Levenberg, Quarterly of Applied Mathematics 2 (1944) 164-168); closed loops, and joints that
+    mimic others, are further residuals.
 
     Args:
-        mechanism: its clearance and its gears' play are left out.
-        times: of the waypoints, increasing, shape (n,), n >= 2 [s].
-        positions: of the frame's origin in world axes, shape (n, 3) [m].
+        mechanism: the mechanism, of which clearance and gears' play are left out.
+        times: times of the waypoints, increasing, shape (n,), n >= 2 [s].
+        positions: positions of the frame's origin in world axes, shape (n, 3) [m].
         orientations: roll, pitch, yaw of the frame in world axes as in URDF, shape (n, 3) [rad];
             None leaves the orientation free.
-        frame: name of the frame that is led; None takes the mechanism's tool.
+        frame: name of the frame that is led; None: the mechanism's tool.
         path: ``joint`` moves the joints by rest-to-rest quintics between the waypoints; ``line``
             moves the frame on straight lines, resting at each waypoint, by the same quintic law in
             time, while its orientation turns about a fixed axis, the shorter way round. A line is
             solved at least every `SAMPLE_S` and `SAMPLE_M`, with quintic splines between.
-        start: where the search for the first waypoint begins, by joint [rad or m]; what is not
-            named begins at zero, or at the limit nearest to it. It selects the branch.
+        start: positions by joint at which the search for the first waypoint begins [rad or m];
+            joints that it does not name begin at zero, or at the limit nearest to it. It selects
+            the branch.
         driven: in closed loops the joints that have a drive, as many as the mechanism has freedoms;
             None: those nearest to the base.
 
     Returns:
-        A motion of all joints of an open `mechanism`, or of the driven ones, and where the others
-        begin.
+        A motion of all joints of an open mechanism, or of the driven ones of closed loops with the
+        positions at which the others begin.
 
     Raises:
         JointplayError: wrong shapes or numbers; a waypoint out of reach, or within reach only
@@ -627,12 +657,12 @@ def reachable(
     driven: Sequence[str] | None = None,
     progress: bool = False,
 ) -> np.ndarray:
-    """Which poses the ideal mechanism's tool can have: its workspace, point by point, shape (n,).
+    """Find which poses the ideal mechanism's tool can have: its workspace by points, shape (n,).
 
-    Within the joint limits of the URDF, and without a singular configuration. Each pose is sought
-    from the nearest one before that was reached, so that a mechanism with loops keeps its way of
-    being assembled; give them in an order in which neighbours follow each other. The arguments are
-    those of `cartesian_path`; `progress` shows a bar.
+    A pose counts within the joint limits of the URDF, and where the configuration is not singular.
+    Each is searched from the nearest one reached before, so that a mechanism with loops stays
+    assembled in the same way; give them in an order in which neighbours follow each other. The
+    arguments are those of `cartesian_path`; `progress` shows a bar.
 
     Raises:
         JointplayError: wrong shapes or numbers; a mechanism whose tool cannot be led at all.
@@ -657,7 +687,7 @@ def reachable(
 
 
 def _followers_at(arm: Arm, q: np.ndarray) -> dict[str, float]:
-    """Positions of the joints that are not driven, unless the driven ones lead to them anyway."""
+    """Positions of the joints that follow in loops, unless the driven ones lead there anyway."""
     if not arm.ideal.loops:
         return {}
     begin = np.zeros_like(q)
@@ -673,7 +703,7 @@ def _followers_at(arm: Arm, q: np.ndarray) -> dict[str, float]:
 
 
 def _check_way(arm: Arm, q: np.ndarray, ahead: np.ndarray, target: Target, number: int) -> None:
-    """Refuse driven joints that, led from q to waypoint `number`, take the loops elsewhere."""
+    """Refuse a way from q to waypoint `number` on which the driven joints take loops elsewhere."""
     if not arm.ideal.loops:
         return
     stand = [*arm.at, *(arm.names.index(name) for name in arm.mimics)]
@@ -696,6 +726,7 @@ def _waypoints(
     positions: Sequence[Sequence[float]] | np.ndarray,
     orientations: Sequence[Sequence[float]] | np.ndarray | None,
 ) -> tuple[np.ndarray, list[Target]]:
+    """Times and targets of waypoints, checked."""
     numbers = {"times": times, "positions": positions}
     if orientations is not None:
         numbers["orientations"] = orientations
@@ -719,7 +750,7 @@ def _waypoints(
 
 
 def _require_near(arm: Arm, target: Target, label: str) -> None:
-    """Refuse what is far beyond all lengths of the mechanism, before anything is searched."""
+    """Refuse a target far beyond all lengths of the mechanism, before anything is searched."""
     away = float(np.linalg.norm(target.position - arm.origin))
     if away > _FAR * arm.reach + NEARLY_M:
         raise JointplayError(
@@ -732,12 +763,15 @@ def _require_near(arm: Arm, target: Target, label: str) -> None:
 def _solve(
     arm: Arm, seed: np.ndarray, target: Target, label: str, first: bool = False
 ) -> np.ndarray:
-    """Configuration near `seed` in which the frame is where it shall be; `label` names it."""
+    """Configuration near `seed` in which the frame is at `target`, which `label` names.
+
+    The `first` waypoint may be solved from anywhere.
+    """
     solution = arm.approach(seed, target)
     if not solution.reached and arm.ideal.loops:
         solution = arm.search(seed, target)
     if not solution.reached:
-        solution = _otherwise(arm, solution, seed, target, label, first)
+        solution = _search_elsewhere(arm, solution, seed, target, label, first)
     if arm.mobility > arm.rank:
         solution = arm.nearest(solution, seed, target)
     _require_regular(arm, solution.q, target, label)
@@ -745,6 +779,7 @@ def _solve(
 
 
 def _require_regular(arm: Arm, q: np.ndarray, target: Target, label: str) -> None:
+    """Refuse a singular configuration: of type 1, or in loops of type 2."""
     smallest = arm.manoeuvrability(q, target.turn is not None)
     if smallest < SINGULAR_M:
         raise JointplayError(_singular(arm, label, target, smallest))
@@ -759,9 +794,14 @@ def _require_regular(arm: Arm, q: np.ndarray, target: Target, label: str) -> Non
         )
 
 
-def _otherwise(
+def _search_elsewhere(
     arm: Arm, attempt: SearchEnd, seed: np.ndarray, target: Target, label: str, first: bool
 ) -> SearchEnd:
+    """Search from random configurations; returns a solution for the `first` waypoint only.
+
+    Otherwise the error says what is wrong, in this order: joint limits, another branch, a singular
+    configuration, or how far the nearest pose is away. `attempt` is the search that failed.
+    """
     doing = f"looking for {label}"
     restarts = ProgressBar(range(_RESTARTS), doing, unit="try", delay=_PATIENCE_S, leave=False)
     tries = [arm.search(arm.anywhere(arm.random), target) for _ in restarts]
@@ -777,8 +817,8 @@ def _otherwise(
             if name in arm.names
         )
         remedy = f"; another branch reaches it, such as {values}: choose it by start"
-    endless = np.full(len(seed), np.inf)
-    beyond = arm.search(seed, target, (-endless, endless))
+    unlimited = np.full(len(seed), np.inf)
+    beyond = arm.search(seed, target, (-unlimited, unlimited))
     if beyond.reached:
         i = int(np.argmax(np.maximum(arm.low - beyond.q, beyond.q - arm.high)))
         raise JointplayError(
@@ -789,14 +829,14 @@ def _otherwise(
         raise JointplayError(
             f"{label} at {target} cannot be reached from the waypoint before{remedy}"
         )
-    best = min([attempt, *tries], key=lambda end: float(np.linalg.norm(end.error)))
+    best = min([attempt, *tries], key=lambda end: float(np.linalg.norm(end.residual)))
     smallest = arm.manoeuvrability(best.q, target.turn is not None)
-    if np.linalg.norm(best.error) < NEARLY_M and smallest < SINGULAR_M:
+    if np.linalg.norm(best.residual) < NEARLY_M and smallest < SINGULAR_M:
         raise JointplayError(_singular(arm, label, target, smallest))
     turning = target.turn is not None
-    best = arm.short(best, target)
-    distance = np.linalg.norm(best.error[:3])
-    angle = np.linalg.norm(best.error[3:6]) / ANGLE_ARM_M if turning else 0.0
+    best = arm.nearest_miss(best, target)
+    distance = np.linalg.norm(best.residual[:3])
+    angle = np.linalg.norm(best.residual[3:6]) / ANGLE_ARM_M if turning else 0.0
     able = f": {arm.attainable(turning)}" if arm.rank < (6 if turning else 3) else ""
     raise JointplayError(
         f"{label} at {target} is out of reach: {distance:.4g} m and {angle:.4g} rad remain; "
@@ -805,6 +845,7 @@ def _otherwise(
 
 
 def _samples(first: tuple[float, Target], last: tuple[float, Target]) -> int:
+    """Number of points on a line from one time and target to the next."""
     shift, axis = first[1].way_to(last[1])
     size = float(np.linalg.norm([*shift, *(ANGLE_ARM_M * axis)]))
     # The quintic's largest speed is 15/8 of the mean; a spline needs a few points.
@@ -815,6 +856,7 @@ def _samples(first: tuple[float, Target], last: tuple[float, Target]) -> int:
 def _line(
     arm: Arm, q: np.ndarray, times: np.ndarray, targets: Sequence[Target], count: int, number: int
 ) -> Iterator[tuple[float, np.ndarray]]:
+    """Times and configurations on the line from q to waypoint `number`, `count` of them."""
     base = arm.freedoms(q)
     span = float(times[1] - times[0])
     for k in range(1, count + 1):
@@ -825,7 +867,7 @@ def _line(
             time, label = times[1], f"waypoint {number}"
         try:
             ahead = _solve(arm, q, target, label)
-        except JointplayError:
+        except JointplayError:  # blame the waypoint, if that cannot be reached either
             _solve(arm, q, targets[1], f"waypoint {number}", first=True)
             raise
         moved = np.abs(ahead - q)
@@ -837,6 +879,8 @@ def _line(
                 "choose another branch by start, or another way"
             )
         if arm.ideal.loops:
+            # A singularity of type 2 lies between where the driven rows of the freedoms change the
+            # sign of their determinant, in the basis of the point before.
             now = arm.freedoms(ahead)
             if np.linalg.det(now[arm.at] @ (now.T @ base)) * np.linalg.det(base[arm.at]) <= 0.0:
                 raise JointplayError(

@@ -1,8 +1,8 @@
-"""A motion that names some joints of a robot, made one of all: the others are held, or follow.
+"""Completing a motion that names some joints of a robot: the others are held, or follow.
 
-Joints that mimic others in the URDF follow them; the rest stand where they start. Where loops
-close, what a motion does not name follows from the loops and is left alone; only joints that mimic
-others, and that no loop determines, follow these there too.
+In an open tree, joints that mimic others in the URDF follow them, and the rest stand where they
+start. In closed loops the other joints follow from the loops and are left alone; only joints that
+mimic others, and that no loop determines, follow these by references of their own.
 """
 
 from __future__ import annotations
@@ -27,14 +27,16 @@ _SINGLE = ("revolute", "continuous", "prismatic")
 
 @dataclass(frozen=True)
 class CompleteMotion:
-    """A motion, and what was added to it."""
+    """A completed motion, and which joints were added to it."""
 
     motion: Motion
     held: Mapping[str, float]
     """Position of each joint that stands where it starts [rad or m]."""
     following: Mapping[str, Mimic]
+    """Joints that mimic others and follow them."""
 
     def notes(self) -> list[str]:
+        """What was added, for the user, a line each."""
         lines = []
         if self.held:
             places: dict[float, list[str]] = {}
@@ -60,12 +62,15 @@ def complete_motion(
     start: Mapping[str, float] | None = None,
     alone: Collection[str] = (),
 ) -> CompleteMotion:
-    """Add to `motion` the moving joints that it does not name: all of an open tree, of a mechanism
-    with loops those that mimic others and that no loop determines (`followed_mimics`).
+    """Add to `motion` the moving joints that it does not name.
+
+    In an open tree these are all; in a mechanism with loops those that mimic others and that no
+    loop determines (`followed_mimics`).
 
     Args:
-        start: where joints stand [rad or m]; the others as `JointEntry.neutral`.
-        alone: joints that are left as they are.
+        mechanism, motion: whose joints are added, and to what.
+        start: positions where joints stand [rad or m]; the others stand at `JointEntry.neutral`.
+        alone: joints that are not added.
     """
     start = start or {}
     entries = mechanism.description.joints
@@ -98,8 +103,9 @@ def complete_motion(
 def _beside_loops(
     mechanism: Mechanism, motion: Motion, start: Mapping[str, float], missing: Sequence[str]
 ) -> CompleteMotion:
-    """Add the joints that mimic others where loops determine neither; where the leader follows from
-    the loops, these are closed along the motion.
+    """Add the joints that mimic others and that no loop determines, to a motion with loops.
+
+    Where a leader's motion follows from the loops, these are closed along the motion.
     """
     if not any(mechanism.description.joints[name].mimic for name in missing):
         return CompleteMotion(motion, {}, {})
@@ -112,7 +118,7 @@ def _beside_loops(
     alone = [*start, *motion.joints, *(name for name in ideal.joints if name not in missing)]
     try:
         mimics = followed_mimics(ideal, assemble(ideal, q, at), alone)
-    except JointplayError:  # the run says it with more words
+    except JointplayError:  # the run refuses it with a better message
         return CompleteMotion(motion, {}, {})
     columns = dict(zip(motion.joints, motion.positions.T, strict=True))
     following = _follow(ideal, mimics, columns, len(motion.times))
@@ -128,10 +134,10 @@ def _beside_loops(
 def _with_leaders(
     ideal: Mechanism, motion: Motion, columns: Mapping[str, np.ndarray], q: np.ndarray
 ) -> tuple[Motion, dict[str, np.ndarray]]:
-    """The motion at dense times, and where its joints and those that others mimic are then.
+    """The motion sampled at dense times, and positions of its joints and of all leaders there.
 
-    It ends with the motion, also where that would go on. `columns`: positions of the joints of the
-    motion, and of what follows them, at its times; q: where the others are searched for.
+    It ends with the motion, also where that would go on. `columns`: positions of the motion's
+    joints, and of those that follow them, at its times; q: where the search for the others begins.
     """
     known = Motion(
         list(columns), motion.times, np.array([*columns.values()]).T, motion.interpolation
@@ -159,11 +165,12 @@ def _with_leaders(
 def _follow(
     mechanism: Mechanism, mimics: Mapping[str, Mimic], columns: dict[str, np.ndarray], count: int
 ) -> dict[str, Mimic]:
-    """Add the positions of joints that mimic others to `columns`, after those of their leaders;
-    returns what was added. One whose leader moves freely, or under a torque, moves freely too.
+    """Add positions of joints that mimic others to `columns` where their leaders are in them.
+
+    Returns the joints added. One whose leader moves freely, or under a torque, moves freely too.
     """
     added: dict[str, Mimic] = {}
-    for _ in mimics:  # those that follow a follower come after it
+    for _ in mimics:  # a follower of a follower comes in a later round
         for name, mimic in mimics.items():
             if name in columns:
                 continue

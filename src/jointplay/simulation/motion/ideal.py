@@ -1,4 +1,10 @@
-"""The ideal mechanism along a reference motion: what a computed-torque drive knows of it."""
+"""Inverse dynamics of the ideal mechanism along a reference: the feed-forward of computed torque.
+
+Three kinds of mechanism, three ways. A tree: the recursive Newton-Euler algorithm (`pin.rnea`) at
+each time. Closed loops: they are closed at nodes, splines through the nodes give velocities and
+accelerations, and efforts are projected on the driven joints. A free base: its motion follows from
+the momentum of the whole.
+"""
 
 from __future__ import annotations
 
@@ -17,17 +23,18 @@ from jointplay.model.mechanism import Mechanism
 from jointplay.simulation.motion.reference import REFERENCE_NODE_S, Motion
 
 LOOP_NODE_S = 1e-3
-"""Interval at which loops are closed along the motion; between, a quintic spline [s]."""
+"""Interval of the nodes at which loops are closed along the motion; a quintic spline lies between
+[s]."""
 _SPLINE_MARGIN = 60
-"""Nodes beyond the times that are asked for: a spline forgets its end by 0.43 a node or faster."""
+"""Nodes beyond the times asked for: the effect of a spline's end falls to 0.43 or less a node."""
 _BLOCKS_BEHIND = 3
-"""Ends of calls of `efforts` whose closed loops are remembered."""
+"""Number of calls of `efforts` whose last closed configurations are kept."""
 _PORTION = 20_000
-"""Times at which a tree's motion is held in memory at once."""
+"""Number of times at which a tree's motion is in memory at once."""
 _BASE = slice(0, 6)
-"""The coordinates of a free base."""
+"""Coordinates of a free base."""
 _PATIENCE_S = 1.0
-"""What takes longer has a bar [s]."""
+"""Time after which work shows a bar [s]."""
 
 
 class IdealMotion:
@@ -39,20 +46,20 @@ class IdealMotion:
     Analysis of Mechanical Systems, 1988, calls it the joint coordinate method.
 
     A free base moves as the momentum of the whole demands, which nothing but gravity changes here:
-    from q'' of the joints its six equations give its acceleration, and that the efforts, by partial
+    from q'' of the joints its six equations give its acceleration, and this the efforts, by partial
     feedback linearisation (M. W. Spong, IROS 1994, 314-321). Wrenches on it are unknown to the
     drives, as all loads are.
 
     Args:
-        mechanism: with its clearance, which is left out.
+        mechanism: the mechanism, of which clearance is left out.
         motion, driven: a reference, and the joints that follow it.
         end: last time that will be asked for [s].
         start, speed: state of `mechanism` at the start, shapes (nq,) and (nv,); without a speed a
             free base is at rest.
 
     Attributes:
-        inertia: what each driven joint carries at the start, shape (driven,) [kg m^2 or kg]; with a
-            free base, what is left of it where the base gives way.
+        inertia: inertia that each driven joint carries at the start, shape (driven,) [kg m^2 or
+            kg]; with a free base the part that is left as the base gives way.
 
     Raises:
         JointplayError: loops that cannot be closed at the start, or a configuration in which the
@@ -76,7 +83,7 @@ class IdealMotion:
         self._end = max(end, LOOP_NODE_S)
         self._nodes = max(round(self._end / LOOP_NODE_S), 6) + 1
         self._closed: dict[int, np.ndarray] = {}
-        """Configurations from which loops are closed further on, by node."""
+        """Configurations, by node, from which loops are closed further on."""
         q = self._base.copy()
         q[self._at] = motion(np.zeros(1))[0][0, self._order]
         if ideal.loops:
@@ -84,25 +91,21 @@ class IdealMotion:
         mass = ideal.mass_matrix(q)
         self.inertia = mass.diagonal()[self._at]
         if ideal.loops:
-            first = driven_map(ideal, q, self._at)
-            self.inertia = np.einsum("vd,vw,wd->d", first, mass, first)
+            ratios = driven_map(ideal, q, self._at)
+            self.inertia = np.einsum("vd,vw,wd->d", ratios, mass, ratios)
         self._momentum = np.zeros(3)
         """Angular momentum about the centre of mass, axes of the base at the start [kg m^2/s]."""
         if ideal.free_base is not None:
-            first = (
-                np.zeros_like(q) if speed is None else _ideal_configuration(mechanism, ideal, speed)
-            )
-            self._free_base(q, mass, first)
-
-    def _free_base(self, q: np.ndarray, mass: np.ndarray, speed: np.ndarray) -> None:
-        moved = mass[_BASE, self._at]
-        self.inertia = self.inertia - np.einsum(
-            "bd,bd->d", moved, np.linalg.solve(mass[_BASE, _BASE], moved)
-        )
-        data = self._ideal.data
-        pin.ccrba(self._ideal.model, data, q, speed)
-        self._momentum = rotation(q[ANGLES]).T @ data.hg.angular
-        self._base[_BASE] = 0.0
+            # The base gives way: of the inertia its Schur complement is left.
+            moved = mass[_BASE, self._at]
+            given_way = np.linalg.solve(mass[_BASE, _BASE], moved)
+            self.inertia = self.inertia - np.einsum("bd,bd->d", moved, given_way)
+            v = np.zeros_like(q)
+            if speed is not None:
+                v = _ideal_configuration(mechanism, ideal, speed)
+            pin.ccrba(ideal.model, ideal.data, q, v)
+            self._momentum = rotation(q[ANGLES]).T @ ideal.data.hg.angular
+            self._base[_BASE] = 0.0
 
     def efforts(self, times: np.ndarray, progress: bool = False) -> np.ndarray:
         """Efforts of the ideal mechanism's drives, shape (n, driven) [N m or N].
@@ -121,7 +124,7 @@ class IdealMotion:
         return (self._with_free_base if free else self._of_tree)(times, progress)
 
     def alike(self) -> tuple[tuple[object, ...], pin.Model] | None:
-        """What efforts depend on besides motion and times; None: on what was asked for before."""
+        """All that efforts depend on besides motion and times; None: on earlier calls, in loops."""
         if self._ideal.loops:
             return None
         state = self._base.tobytes(), self._momentum.tobytes()
@@ -130,7 +133,7 @@ class IdealMotion:
     def states(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Configurations and velocities with the driven joints on their reference, (n, nv) each.
 
-        At any times that rise; the base is held.
+        `times` must rise; the base is held.
 
         Raises:
             JointplayError: loops that cannot be closed along the motion.
@@ -159,16 +162,17 @@ class IdealMotion:
         return effort
 
     def memory(self) -> dict[str, list[float]]:
+        """Closed configurations, for checkpoints: efforts then go on bit for bit."""
         return {str(node): q.tolist() for node, q in self._closed.items()}
 
     def recall(self, memory: Mapping[str, Sequence[float]]) -> None:
         self._closed = {int(node): np.array(q, float) for node, q in memory.items()}
 
     def _with_free_base(self, times: np.ndarray, progress: bool) -> np.ndarray:
-        """By the motion of the base that keeps the angular momentum of the whole.
+        """Efforts with the motion of the base that keeps the angular momentum of the whole.
 
-        Efforts within do not depend on where the base is, how it is turned, or how fast all moves
-        along and falls together: at each instant the base stands at its origin, and only turns.
+        They do not depend on where the base is, how it is turned, or how fast all moves along and
+        falls together: at each instant the base stands at its origin, and only turns.
         """
         model, data, at = self._ideal.model, self._ideal.data, self._at
         effort = np.empty((len(times), len(at)))
@@ -177,6 +181,7 @@ class IdealMotion:
             turn = self._turned(i * REFERENCE_NODE_S, turn)
         for i in _shown(range(len(times)), progress):
             q, v, a = self._free_state(times[i], turn)
+            # The base accelerates so that no wrench on it is needed.
             lacking = pin.rnea(model, data, q, v, a)[_BASE].copy()
             mass = self._ideal.mass_matrix(q)[_BASE, _BASE]
             a[_BASE] = -np.linalg.solve(mass, lacking)
@@ -185,10 +190,11 @@ class IdealMotion:
         return effort
 
     def _turned(self, time: float, turn: np.ndarray) -> np.ndarray:
-        """Orientation of the base a node after a time, by Heun's method."""
+        """Orientation of the base one node after `time` and `turn`, by Heun's method."""
         if not self._momentum.any():
             return turn
         span = REFERENCE_NODE_S
+        # Rates of yaw, pitch and roll, at zero angles the angular velocity about z, y and x.
         now = self._free_state(time, turn)[1][ANGLES][::-1]
         later = self._free_state(time + span, turn @ pin.exp3(span * now))[1][ANGLES][::-1]
         turned: np.ndarray = turn @ pin.exp3(0.5 * span * (now + later))
@@ -197,12 +203,14 @@ class IdealMotion:
     def _free_state(
         self, time: float, turn: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Configuration, velocities, and the joints' accelerations; the base at its origin."""
+        """Configuration, velocities, and accelerations of the joints, the base at its origin.
+
+        The base, turned by `turn` since the start, moves so that the whole keeps its momentum.
+        """
         q, v, a = self._base.copy(), np.zeros(len(self._base)), np.zeros(len(self._base))
         q[self._at], v[self._at], a[self._at] = (
             values[0, self._order] for values in self._motion(np.array([time]))
         )
-        # The base moves as it must for the whole to have its momentum, (6,).
         data = self._ideal.data
         pin.ccrba(self._ideal.model, data, q, v)
         lacking = np.concatenate([-data.hg.linear, turn.T @ self._momentum - data.hg.angular])
@@ -212,11 +220,12 @@ class IdealMotion:
     def _closed_curve(
         self, times: np.ndarray, progress: bool
     ) -> tuple[Any, np.ndarray, np.ndarray]:
-        """Spline of configurations through nodes at which the loops are closed, the nodes, and the
-        `driven_map` at each.
+        """Spline of configurations through nodes at which the loops are closed, times of the nodes,
+        and the `driven_map` at each.
 
-        Nodes beyond both ends of `times` hide that splines are bound to end somewhere: what they do
-        there has fallen to rounding after `_SPLINE_MARGIN` of them.
+        The nodes go on beyond both ends of `times`, so that the curve does not depend on which
+        times are asked for at once: the effect of a spline's end has fallen to rounding after
+        `_SPLINE_MARGIN` nodes.
         """
         ideal, motion, at = self._ideal, self._motion, self._at
         interval = self._end / (self._nodes - 1)
@@ -230,6 +239,7 @@ class IdealMotion:
         nodes, places = node_times[low - begin :], motion(node_times)[0][:, self._order]
         q = np.empty((len(nodes), ideal.model.nq))
         maps = np.empty((len(nodes), ideal.model.nv, len(at)))
+        # From node to node: predicted by the driven map, then closed.
         guess = self._closed[begin]
         last = driven_map(ideal, guess, at)
         for i in _shown(range(begin, high + 1), progress):
@@ -250,7 +260,7 @@ class IdealMotion:
         return make_interp_spline(nodes, q, k=5), nodes, maps
 
     def _with_loops(self, times: np.ndarray, progress: bool) -> np.ndarray:
-        """By splines through nodes at which the loops are closed."""
+        """Efforts at the nodes, tau_driven = G^T rnea, with a cubic spline through them."""
         from scipy.interpolate import make_interp_spline  # takes long to import
 
         ideal = self._ideal
@@ -264,6 +274,7 @@ class IdealMotion:
 
 
 def _shown(nodes: Sequence[int], progress: bool) -> Iterable[int]:
+    """Nodes with a progress bar."""
     label = "tabulating the motion"
     return ProgressBar(nodes, label, disable=not progress, delay=_PATIENCE_S, leave=False)
 
@@ -279,7 +290,7 @@ def _ideal_configuration(mechanism: Mechanism, ideal: Mechanism, q: np.ndarray) 
 
 
 def driven_map(mechanism: Mechanism, q: np.ndarray, at: Sequence[int]) -> np.ndarray:
-    """Velocities of all coordinates per velocity of the driven ones, shape (nv, driven).
+    """The map G from velocities of the driven coordinates to those of all, shape (nv, driven).
 
     Raises:
         JointplayError: the driven coordinates do not determine the others (a singular
@@ -290,7 +301,7 @@ def driven_map(mechanism: Mechanism, q: np.ndarray, at: Sequence[int]) -> np.nda
     block = rows[:, led]
     _, values, motions = np.linalg.svd(block)
     held = int(np.count_nonzero(values >= 1e-8 * values.max(initial=0.0)))
-    if held < len(led):
+    if held < len(led):  # name what the null space of the loops' Jacobian moves
         sizes = np.abs(motions[held:]).max(axis=0)
         names, driven = (
             ", ".join(dict.fromkeys(repr(mechanism.coordinates[i].joint) for i in some))

@@ -1,4 +1,4 @@
-"""Reference motions in joint space."""
+"""Reference motions in joint space: waypoints or samples, and the curve through them."""
 
 from __future__ import annotations
 
@@ -34,32 +34,34 @@ interpolated by cubics.
 INTERPOLATIONS = ("rest-to-rest", "spline", "constant-speed", "speed-ramps")
 
 GOES_ON = INTERPOLATIONS[2:]
-"""Those that do not stand still after the last waypoint."""
+"""Interpolations that do not stand still after the last waypoint."""
 ENOUGH_SAMPLES = 12
-"""So many points that follow each other closely by chance are rare: of waypoints drawn anywhere one
-joint does so in 0.1 %, of waypoints each drawn about the last one in 8 % of all cases. Of fewer
-points the limit is in proportion to their number, which leaves these chances as they are."""
+"""Number of points from which waypoints are rarely taken for samples: with waypoints drawn anywhere
+one joint follows as closely by chance in 0.1 %, with each drawn about the last one in 8 % of all
+cases. With fewer points the limit is in proportion to their number, which keeps these chances."""
 SAMPLED_S = 0.025
-"""Points nearer to each other than this are samples [s]: no mechanism stops 40 times a second."""
+"""Spacing below which points are samples [s]: no mechanism stops 40 times a second."""
 RESTS = 0.01
-"""At an end where a joint moves at less than this part of its largest speed it is at rest (judged:
+"""Speed of a joint at an end, relative to its largest, below which it is at rest there (judged:
 what noise and the spline's own error come to). Noise that changes speeds by less is none."""
 NOISY = 0.25
-"""From this part on that noise has in the squares of accelerations it is said: half the root mean
-square (judged). It is told by differences of fourth order, which of white noise have 70 / 6 times
-the squares of those of second order, and of a sine that is sampled 6 times less than one."""
+"""Share of noise in the squares of accelerations from which on it is reported: half the root mean
+square (judged). It is seen in fourth differences, whose squares are 70 / 6 times those of second
+differences in white noise, and less than these in a sine sampled 6 times a period."""
 
 _SAYS = re.compile(r"#\s*interpolation:\s*(\S+)")
+"""The comment of a file that says how it is interpolated."""
 
 
 def are_samples(times: np.ndarray, positions: np.ndarray) -> bool:
     """Whether points (n,) [s], (n, joints) are samples of a motion, not waypoints to stop at.
 
-    Samples follow each other so closely that the speed changes less from one to the next than it
-    is (root mean squares over all joints, 1 m counting as 1 rad): a sine has more than six to a
-    period, of fewer than `ENOUGH_SAMPLES` more. That holds by their times, or evenly spaced, since
-    time stamps of a log scatter. Between waypoints joints turn back, or pause. Of encoder counts at
-    a high rate only the spacing in time tells.
+    Samples follow each other so closely that the speed changes less from one to the next than its
+    own size (root mean squares over all joints, 1 m counting as 1 rad): a sine with more than six
+    samples a period does, with fewer than `ENOUGH_SAMPLES` in all one with more. Speeds are taken
+    by the times, or as if evenly spaced, since time stamps of a log scatter. Between waypoints
+    joints turn back, or pause. Encoder counts at a high rate are recognised by their spacing in
+    time alone (`SAMPLED_S`).
     """
     if len(times) < 6:  # what a spline of fifth order needs
         return False
@@ -74,7 +76,10 @@ def are_samples(times: np.ndarray, positions: np.ndarray) -> bool:
 
 
 def _spline(times: np.ndarray, positions: np.ndarray) -> Any:
-    """A quintic spline, of samples with free ends (not-a-knot), else at rest at both ends."""
+    """A quintic spline, through samples with free ends (not-a-knot), else at rest at both ends.
+
+    At an end where samples are nearly at rest, speed and acceleration are set to zero.
+    """
     from scipy.interpolate import make_interp_spline  # takes long to import
 
     ends = np.zeros((2, 2, positions.shape[1]))  # speeds and accelerations at both
@@ -91,14 +96,14 @@ def _spline(times: np.ndarray, positions: np.ndarray) -> Any:
 def motion_csv(
     joints: Sequence[str], times: np.ndarray, positions: np.ndarray, interpolation: str
 ) -> str:
-    """A file that `Motion.from_csv` reads as it was: a comment says how it is interpolated."""
+    """The text of a file that `Motion.from_csv` reads, its interpolation in a comment."""
     columns = zip(joints, positions.T, strict=True)
     table = Table([Column("time", times, "s"), *(Column(n, q, key=n) for n, q in columns)])
     return f"# interpolation: {interpolation}\n{table.csv(None)}"
 
 
 def check_waypoints(values: Mapping[str, np.ndarray]) -> None:
-    """Raise unless values of all waypoints, a row each by name, are finite and "times" increase."""
+    """Refuse values of waypoints, by name, that are not finite, and "times" that do not rise."""
     for name, rows in values.items():
         bad = np.flatnonzero(~np.isfinite(rows).reshape(len(rows), -1).all(axis=1))
         if bad.size:
@@ -110,7 +115,7 @@ def check_waypoints(values: Mapping[str, np.ndarray]) -> None:
 
 @dataclass(frozen=True)
 class WrittenMotion:
-    """A motion as files have it."""
+    """A motion as it stands in files."""
 
     joints: tuple[str, ...]
     times: list[float] = quantity("s")
@@ -121,7 +126,7 @@ class WrittenMotion:
 
 @dataclass(frozen=True, init=False, eq=False, repr=False)
 class Motion(Described):
-    """Joint positions through waypoints. Equal motions have the same waypoints.
+    """A curve of joint positions through waypoints. Equal motions have the same waypoints.
 
     Raises:
         JointplayError: wrong shapes, non-finite numbers, times that do not increase, speeds that
@@ -139,7 +144,7 @@ class Motion(Described):
     interpolation: str
     """How joints move between waypoints.
 
-    If not given, by what the points are (`are_samples`): ``spline`` for samples, else
+    If not given, it follows from the points (`are_samples`): ``spline`` for samples, else
     ``rest-to-rest``. ``rest-to-rest`` stops at each waypoint, moving by quintics with zero velocity
     and acceleration at both ends; ``spline`` passes through them without stopping (quintic; samples
     keep their speed at both ends, waypoints begin and end at rest); ``constant-speed`` moves at the
@@ -149,10 +154,11 @@ class Motion(Described):
     speed (a crank that is run up).
     """
     given: np.ndarray | None
-    """Times of the waypoints where the other points were computed, as on a line of the tool, from
-    the first point to the last, increasing, shape (m,), m >= 2 [s]; None: all are waypoints."""
+    """Times of the waypoints if other points were computed between them, as on a line of the tool:
+    from the first point to the last, increasing, shape (m,), m >= 2 [s]; None: all are waypoints.
+    """
     units: ClassVar[Mapping[str, str]] = {}
-    """SI units of the joints for which its file states one; no part of the motion."""
+    """SI units of the joints for which the motion's file states one; not compared or written."""
 
     def __init__(
         self,
@@ -175,7 +181,7 @@ class Motion(Described):
             interpolation = INTERPOLATIONS[are_samples(self.times, self.positions)]
         require_known("interpolation", interpolation, INTERPOLATIONS, where=("interpolation",))
         object.__setattr__(self, "interpolation", interpolation)
-        with np.errstate(all="ignore"):  # looked at below
+        with np.errstate(all="ignore"):  # refused below
             curve = self._fit()
             curves = (curve, curve.derivative(1), curve.derivative(2))
         object.__setattr__(self, "_curves", curves)
@@ -219,7 +225,7 @@ class Motion(Described):
                     f"{means[:, np.ptp(means, axis=0).argmax()]} rad/s or m/s"
                 )
             return PPoly(np.stack([means[:1], self.positions[:1]]), self.times[[0, -1]])
-        # Parabolas whose speeds meet; after them a straight line.
+        # Speed ramps: parabolas whose speeds meet; after them a straight line.
         speeds = [means[0]]
         for mean in means:
             speeds.append(2.0 * mean - speeds[-1])
@@ -244,13 +250,13 @@ class Motion(Described):
 
     @property
     def samples(self) -> bool:
-        """Whether a spline passes through the points because they are samples."""
+        """Whether the points are samples, with a spline through them."""
         spline = self.given is None and self.interpolation == "spline"
         return spline and are_samples(self.times, self.positions)
 
     def cut_off(self, until: float) -> dict[str, float]:
-        """Largest speed that joints lose or gain at once, in a run until then [s], where the motion
-        begins after the start, or ends before `until`, at speed [rad/s or m/s].
+        """Largest jump of each joint's speed in a run to `until` [s], of those that have one: where
+        the motion begins after the run does, or ends before, at speed [rad/s or m/s].
         """
         if self.interpolation != "spline":
             return {}
@@ -261,7 +267,7 @@ class Motion(Described):
 
     @property
     def noise(self) -> dict[str, float]:
-        """Largest acceleration of joints whose speed jumps from sample to sample, by noise of
+        """Largest acceleration of each joint whose speed jumps from sample to sample, by noise of
         positions or of time stamps, or at corners [rad/s^2 or m/s^2].
         """
         if not self.samples or len(self.times) < ENOUGH_SAMPLES:
@@ -307,7 +313,7 @@ class Motion(Described):
         )
 
     def at_speed(self, factor: float) -> Motion:
-        """The same way at `factor` times the speed, which must be positive."""
+        """The same path at `factor` times the speed; `factor` must be positive."""
         require_positive("factor of the speed", factor, "")
         given = None if self.given is None else self.given / factor
         return Motion(self.joints, self.times / factor, self.positions, self.interpolation, given)
@@ -317,8 +323,8 @@ class Motion(Described):
         """Read points from a CSV file whose header is ``time_s,<joint>,<joint>,...``.
 
         Lines beginning with # are comments; one before the header such as ``# interpolation:
-        spline`` holds if `interpolation` is None. Positions in rad, or m for prismatic joints, or
-        with their unit: ``time [s],elbow [deg]``.
+        spline`` counts if `interpolation` is None. Positions are in rad, or m for prismatic joints,
+        or in the unit that the header names: ``time [s],elbow [deg]``.
 
         Raises:
             JointplayError: no such file, a wrong header, a cell that is not a number (with its line
@@ -368,7 +374,7 @@ class Motion(Described):
         return motion
 
     def csv(self) -> str:
-        """As a file that `from_csv` reads; points that were computed are waypoints there."""
+        """The text of a file that `from_csv` reads, in which all points are waypoints."""
         return motion_csv(self.joints, self.times, self.positions, self.interpolation)
 
     @classmethod

@@ -24,7 +24,7 @@ _TRAJECTORY = "trajectory_msgs/msg/JointTrajectory"
 STATE = "sensor_msgs/msg/JointState"
 
 MOST_BYTES = 1 << 32
-"""Size of a bag that is read, at most [bytes]."""
+"""Largest bag that is read [bytes]."""
 
 
 _TIME = "int32 sec\nuint32 nanosec"
@@ -60,7 +60,7 @@ _MESSAGES = {
 
 
 def definition(kind: str) -> str:
-    """Definition of a message with those of all its parts, as MCAP wants it."""
+    """Definition of a message with those of all its parts, in MCAP's format."""
     definitions = {"": f"std_msgs/Header header\n{_MESSAGES[kind]}"}
     waiting = list(definitions.values())
     while waiting:
@@ -73,7 +73,7 @@ def definition(kind: str) -> str:
 
 
 def _blocks(text: str) -> dict[str, list[str]]:
-    """Fields of a message and of its parts, by name, comments and spacing gone."""
+    """Fields of a message and of its parts, by their names, without comments and spacing."""
     name, blocks = "", {"": []}  # type: tuple[str, dict[str, list[str]]]
     for line in text.splitlines():
         field = " ".join(line.partition("#")[0].split())
@@ -86,11 +86,11 @@ def _blocks(text: str) -> dict[str, list[str]]:
 
 
 def read(path: str | Path, topic: str | None = None) -> tuple[list[str], np.ndarray, np.ndarray]:
-    """Joint positions that a bag holds; the arguments are those of `Motion.from_mcap`.
+    """Read joint positions from a bag; the arguments are those of `Motion.from_mcap`.
 
     Returns:
         Joints; times (n,) [s], for joint states from the first message's stamp on; positions (n,
-        joints) [rad or m]. Of several trajectories the last one holds.
+        joints) [rad or m]. Of several trajectories in a topic the last one counts.
 
     Raises:
         JointplayError: no such file or topic, several to choose from, no bag, or messages that make
@@ -108,16 +108,16 @@ def read(path: str | Path, topic: str | None = None) -> tuple[list[str], np.ndar
 
 @dataclass(frozen=True)
 class Bag:
-    """A bag that is open."""
+    """An open bag."""
 
     reader: Any
     topics: dict[str, str]
     """Kind of the messages of each topic, such as ``sensor_msgs/msg/JointState``."""
     messages: dict[str, int]
-    """Number of messages of each topic, as far as the bag says."""
+    """Number of messages of each topic, as far as the bag's statistics have it."""
 
     def decoded(self, topics: list[str]) -> Iterator[Any]:
-        """Schema, channel, record and content of each message of some topics, by time.
+        """Schema, channel, record and decoded content of each message of some topics, by time.
 
         Raises:
             JointplayError: they are not as many as the bag says.
@@ -136,7 +136,7 @@ class Bag:
 
 @contextmanager
 def opened(path: Path) -> Iterator[Bag]:
-    """A bag, and what its libraries raise in the block as one error.
+    """Open a bag; whatever its libraries raise in the block becomes one kind of error.
 
     Raises:
         JointplayError: no such file, no bag, a bag without summary, a missing library.
@@ -175,17 +175,16 @@ def opened(path: Path) -> Iterator[Bag]:
 
 
 _FOOTER = 8 + 8 + 4
-"""Bytes of what an MCAP file's last record holds: where summary and its index begin, checksum."""
+"""Bytes in the last record of an MCAP file: positions of the summary and its index, checksum."""
 _ENDING = _FOOTER + 8
-"""The same with the mark that ends the file."""
+"""Bytes of that record and of the mark that ends the file."""
 
 
 def _is_sealed(file: BinaryIO) -> bool:
-    """Whether a checksum guards the summary (topics, types, counts, places of the blocks), and
-    matches.
+    """Whether the summary (topics, types, counts, positions of the blocks) has a checksum.
 
-    The library mcap checks the blocks only. The checksum is of all from the summary's begin up to
-    where it stands itself; 0 says that there is none.
+    One that does not match is refused here, for the library mcap checks the blocks only. It is of
+    all from the summary's begin up to its own position; 0 means that there is none.
     """
     end = file.seek(-_ENDING, io.SEEK_END)
     footer = file.read(_FOOTER)
@@ -200,7 +199,7 @@ def _is_sealed(file: BinaryIO) -> bool:
 
 
 def _check_schemas(schemas: Iterable[Any]) -> None:
-    """Refuse definitions of ROS's own messages that are not ROS's: they say what numbers mean."""
+    """Refuse changed definitions of ROS's own messages, for these say what the numbers mean."""
     for schema in schemas:
         if schema.encoding != "ros2msg" or schema.name not in _MESSAGES:
             continue
@@ -212,6 +211,7 @@ def _check_schemas(schemas: Iterable[Any]) -> None:
 
 
 def _choose(topics: Mapping[str, str], path: Path, topic: str | None) -> tuple[str, str]:
+    """Message type and name of the topic to read."""
     fit = {name: kind for name, kind in topics.items() if kind in (_TRAJECTORY, STATE)}
     if topic is not None:
         require_known("topic of joint positions", topic, fit)
@@ -227,7 +227,7 @@ def _choose(topics: Mapping[str, str], path: Path, topic: str | None) -> tuple[s
 
 
 def _points(message: Any, where: str) -> tuple[list[str], np.ndarray, np.ndarray]:
-    """Of a JointTrajectory: joints; times (n,) [s] from its start; positions (n, joints)."""
+    """Joints, times (n,) from its start [s] and positions (n, joints) of a JointTrajectory."""
     joints, points = list(message.joint_names), message.points
     for number, point in enumerate(points, 1):
         if len(point.positions) != len(joints):
@@ -241,7 +241,7 @@ def _points(message: Any, where: str) -> tuple[list[str], np.ndarray, np.ndarray
 
 
 def _states(messages: Iterable[Any], where: str) -> tuple[list[str], np.ndarray, np.ndarray]:
-    """Of messages that name different joints those joints that all of them name."""
+    """Joints, times and positions of JointState messages, of the joints that all of them name."""
     rows = []
     for number, state in enumerate(messages, 1):
         if len(state.position) != len(state.name):

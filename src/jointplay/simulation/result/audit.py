@@ -1,4 +1,8 @@
-"""A run's judgement of itself: energy, resolution of impacts, depth of penetration."""
+"""The audit of a run: energy balance, resolution of impacts, penetration, convergence, limits.
+
+`Auditor` collects the figures portion by portion while histories are made; `Audit` holds them and
+says what they mean, each warning with its remedy.
+"""
 
 from __future__ import annotations
 
@@ -27,12 +31,11 @@ if TYPE_CHECKING:
     from jointplay.simulation.statics import Rest
 
 DRIFT_WARNING_M = 1e-6
-"""Gap of an ideal loop above which a run warns."""
+"""Gap of an ideal loop above which a run warns [m]."""
 NOTHING_EXCHANGED = 1e-6
-"""Part of the kinetic and elastic energy below which variations count as none."""
+"""Least energy exchanged, relative to the largest kinetic and elastic energy."""
 SPEED_NOISE = 1e-9
-"""Speed that the velocity solve does not tell from rest, of a kilogram (`solve.TOLERANCE`) [m/s].
-"""
+"""Speed of one kilogram below the resolution of the velocity solve (`solve.TOLERANCE`) [m/s]."""
 ENERGY_WARNING = 0.01
 """Relative energy residual above which a run warns."""
 UNDER_RESOLVED_WARNING = 1e-3
@@ -40,97 +43,100 @@ UNDER_RESOLVED_WARNING = 1e-3
 STEP_WARNING = 0.01
 """Error by the step, relative to the motion, above which a run warns."""
 DEEP_WARNING = 0.5
-"""Penetration over clearance above which a run warns: judged, far beyond what contact laws mean."""
+"""Penetration over clearance above which a run warns: judged, far beyond what contact laws are for.
+"""
 FEW_UNSOLVED = 10
-"""So many steps whose velocities are known to less than the solve's tolerance are not worth a word:
-a first step from rest, or a corner of a friction law hit exactly."""
+"""Number of steps whose velocity solve may stop short of its tolerance before a run warns: a first
+step from rest, or a corner of a friction law hit exactly."""
 IMPULSE_WARNING = 0.01
 """Part of a joint's impulse that its recorded forces may miss before a run warns."""
 FED_WARNING = 0.01
-"""What friction may give back, relative to the energy exchanged, before a run warns."""
+"""Energy that friction may give back, relative to the energy exchanged, before a run warns."""
 
 
 _figure = partial(quantity, finite=False)
-"""A run that went wrong has figures that are no numbers."""
+"""A field for a number that may be infinite or NaN, as in a run that went wrong."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Audit(Described):
-    """Figures by which to judge a run."""
+    """Figures by which to judge the quality of a run."""
 
     energy_residual: float = _figure("J")
     """Largest error of the energy balance [J]."""
     energy_exchanged: float = _figure("J")
-    """Total variation of the kinetic or potential energy or of any force's work, the largest [J].
+    """Energy exchanged in the run: the largest total variation of the kinetic energy, the potential
+    energy, or any force's work [J].
 
-    At least a millionth of the kinetic energy and of what springs and contacts store, and what the
-    largest joint force does at `SPEED_NOISE`: rounding is not worth a warning.
+    It is at least a millionth of the kinetic energy and of what springs and contacts store, and the
+    work of the largest joint force at `SPEED_NOISE`: rounding is not worth a warning.
     """
     impacts: int
-    """Contacts that began, at all places of all joints."""
+    """Number of contacts that began, at all places of all joints."""
     shortest_contact_steps: int
     """Steps of the shortest contact that ended; 0 if none did."""
     under_resolved: int
-    """Contacts that lasted fewer than 10 steps."""
+    """Number of contacts that lasted fewer than 10 steps."""
     under_resolved_impulse: float = _figure("")
-    """Their share of the normal impulse, 0 to 1."""
+    """Share of these contacts in the normal impulse, 0 to 1."""
     normal_impulse: float = _figure("N*s")
-    """Of all contacts together [N s]."""
+    """Normal impulse of all contacts together [N s]."""
     largest_penetration: float = _figure("m")
     """Deepest overlap of surfaces [m]."""
     penetration_over_clearance: float = _figure("")
-    """The same relative to the clearance of its direction."""
+    """Largest penetration relative to the clearance of its direction."""
     step: float = _figure("s")
-    """The time step [s]."""
+    """Time step [s]."""
     friction_step_limit: float = _figure("s")
     """Largest step that follows friction under the largest normal force [s]."""
     unsolved: int = 0
-    """Steps whose velocity solve did not converge."""
+    """Number of steps whose velocity solve did not converge."""
     unresolved: int = 0
-    """Shortest micro steps that did not reach the tolerance."""
+    """Number of micro steps of the shortest length that missed the tolerance."""
     impulse_missed: float = _figure("", default=0.0)
-    """Part of a joint's impulse that its recorded forces miss, the largest; see `Auditor`.
+    """Largest part of a joint's impulse that its recorded forces miss; see `Auditor`.
 
     The impulse is that of all steps, which is what changed the momentum. Forces that alternate from
     step to step stand in the records with one of their sides only.
     """
     friction_fed: float = _figure("J", default=0.0)
-    """Largest fall of the energy that friction has taken up: what bristles gave back [J]."""
+    """Largest fall of the energy that friction has taken up, which bristles gave back [J]."""
     step_error: float | None = _figure("m", default=None)
-    """Largest error of the tool's position because of the step, estimated [m]; see `step_check`.
+    """Estimated largest error of the tool's position because of the step [m]; see `step_check`.
 
-    None where that is not looked for, or was given up.
+    None where it is not checked, or the check was given up.
     """
     relative_step_error: float | None = _figure("", default=None)
-    """The same of all coordinates but motors, weighted with masses, relative to their motion."""
+    """Estimated error of all coordinates but motors because of the step, in the norm of the mass
+    matrix, relative to their motion."""
     tooth_steps: float = _figure("", default=math.inf)
-    """Steps in an impact of gear teeth, of those that touched the fewest; inf without.
+    """Fewest steps in an impact of gear teeth that touched; inf without any.
 
-    Also where steps are chosen by a tolerance.
+    Also inf where steps are chosen by a tolerance.
     """
     loop_drift: float = _figure("m", default=0.0)
     """Largest gap of a loop without clearance [m]."""
     start: str = "centred"
     """Where journals began: ``rest`` or ``centred``."""
     start_residual: float | None = _figure("N", default=None)
-    """Largest force that the search for the place of rest left unbalanced [N]; inf if it diverged;
-    None: no search."""
+    """Largest force that the search for equilibrium left unbalanced [N]; inf if it diverged; None
+    without a search."""
     start_load: float | None = _figure("N", default=None)
-    """Largest force of a joint there [N]."""
+    """Largest force of a joint at that equilibrium [N]."""
     judged_from: float = _figure("s", default=0.0)
-    """When figures begin to be judged [s]."""
+    """Time from which figures are judged [s]."""
     judged_impacts: int = 0
-    """Contacts that began from then on; not those of what touches when the run begins."""
+    """Number of contacts that began from then on; contacts that touch at the start do not count."""
     judged_impulse: float = _figure("N*s", default=0.0)
-    """Their normal impulse, with that of contacts that lasted [N s]."""
+    """Normal impulse from then on, that of lasting contacts included [N s]."""
     peak_force: float | None = _figure("N", default=None)
     """Largest force of a joint from then on [N]; None without clearance."""
     peak_force_before: float | None = _figure("N", default=None)
     """Largest force of a joint before [N]; None if all is judged."""
     law_warnings: tuple[str, ...] = ()
-    """In what normal-force and film laws were used beyond their range; see `out_of_range`."""
+    """Uses of normal-force and film laws beyond their range, in words; see `out_of_range`."""
     limit_warnings: tuple[str, ...] = ()
-    """In what the run went beyond the URDF's limits of joints; see `loads.limits`."""
+    """Excesses over the URDF's limits of joints, in words; see `loads.limits`."""
 
     @property
     def relative_energy_residual(self) -> float:
@@ -141,7 +147,7 @@ class Audit(Described):
 
     @property
     def warnings(self) -> list[str]:
-        """What a user should worry about, each with its remedy; empty if nothing."""
+        """Warnings for the user, each with its remedy."""
         worries = []
         if not self.relative_energy_residual <= ENERGY_WARNING:
             worries.append(
@@ -201,12 +207,11 @@ class Audit(Described):
             )
         return worries + list(self.law_warnings) + list(self.limit_warnings)
 
-    @property
-    def headline(self) -> str:
-        """How the run began and its largest force, and from when on that is judged; a line."""
-        return self.headline_with(None)
-
     def headline_with(self, certificate: Certificate | None) -> str:
+        """How the run began, its largest force, and from when on that is judged, in a line.
+
+        The force has its numerical error if a certificate has it.
+        """
         began = f"starts {'at rest' if self.start == 'rest' else 'centred'}"
         if self.start_residual == math.inf:
             began += ", because the search for an equilibrium diverged"
@@ -217,7 +222,7 @@ class Audit(Described):
         if self.peak_force is None:
             return began
         known = certificate.headline if certificate else ()
-        # Of a flexible link's hinges no figure is certified.
+        # The force may be that of a flexible link's hinge, for which no figure is certified.
         same = (
             figure.name
             for figure in known
@@ -249,6 +254,7 @@ class Audit(Described):
         return self.text()
 
     def text(self, certificate: Certificate | None = None) -> str:
+        """The audit in lines, with numerical errors if a certificate has them."""
         percent = 100 * self.relative_energy_residual
         lines = [
             f"  energy residual: {_readable(self.energy_residual, 'J')}, "
@@ -259,7 +265,7 @@ class Audit(Described):
             shortest = f"shortest {steps} steps" if steps else "none ended"
             deepest = f"  largest penetration: {_readable(self.largest_penetration, 'm')}, "
             deepest += f"{100 * self.penetration_over_clearance:.2g} % of the clearance"
-            if not self.penetration_over_clearance:  # of rolling elements alone, which have none
+            if not self.penetration_over_clearance:  # rolling elements alone, without clearance
                 depth = _readable(self.largest_penetration, "m")
                 deepest = f"  largest deflection of an element: {depth}"
             lines += [
@@ -280,16 +286,16 @@ class Audit(Described):
 
 
 def _readable(value: float, unit: str) -> str:
-    """A figure of which no error is known."""
+    """A figure whose error is unknown, with its unit."""
     return readable(value, unit, UNKNOWN_DIGITS)
 
 
 def out_of_range(mechanism: Mechanism, statistics: Mapping[str, np.ndarray]) -> tuple[str, ...]:
-    """Say in what a run left the range of its normal-force and film laws, a line each.
+    """Where a run left the range of its normal-force and film laws, a line each.
 
-    Afterwards, from the deepest penetration and the fastest approach of each contact that began.
+    By the deepest penetration and the fastest approach of each contact that began.
     """
-    lines: dict[str, None] = {}  # a set that keeps its order
+    lines: dict[str, None] = {}  # an ordered set
     for j, (name, joint) in enumerate(mechanism.clearance.items()):
         extremes: dict[ContactProperties, tuple[float, float]] = {}
         for k in range(len(joint.contacts)):
@@ -310,14 +316,14 @@ def out_of_range(mechanism: Mechanism, statistics: Mapping[str, np.ndarray]) -> 
     return tuple(lines)
 
 
-# Figures of the audit that histories tell, gathered portion by portion while they pass.
+# Collecting the figures, portion by portion.
 
 
 PORTION = 4096
-"""Records of a portion.
+"""Number of records in a portion.
 
-Sums are over portions, so that it makes no difference how many of them are in memory at once: what
-passes at a time must begin at a multiple of this.
+Sums are over portions, so that it makes no difference how many of them are in memory at once:
+records that are added together must begin at a multiple of this.
 """
 
 
@@ -328,13 +334,16 @@ Between two records a force is unknown by no more than it is seen to vary there,
 over many intervals these errors add up as independent ones do, unless records and force keep step.
 """
 MOST_WORST = 64
-"""Portions whose worst records are kept apart."""
+"""Number of portions whose worst records are kept apart."""
 
 
 class Auditor:
     """Collects the audit figures of a run from its histories.
 
-    `simulation` is the whole simulation as plain data, `judged_from` when judging begins [s].
+    Args:
+        mechanism: the run's.
+        simulation: the whole simulation as plain data.
+        judged_from: time from which figures are judged [s].
     """
 
     def __init__(
@@ -343,18 +352,27 @@ class Auditor:
         self._mechanism, self._simulation = mechanism, simulation
         self._judged_from = judged_from
         self._start: np.ndarray | None = None
+        """Coordinates of the first record."""
+        # Energies: total variations, the largest stored, and what friction has taken up.
         self._last: np.ndarray | None = None
         self._variations: Any = 0.0
         self._stored = self._residual = self._drift = self._friction_returned = 0.0
         self._friction_work = -math.inf
+        # Forces: normal peaks by joint, the largest of a joint, and impulses of the records.
         self._peaks = np.zeros(len(mechanism.clearance))
         self._peak = self._peak_before = 0.0
         self._before: tuple[np.ndarray, np.ndarray] | None = None
-        self._sampled: Any = 0.0
+        """Time and forces of the last record."""
+        self._impulse: Any = 0.0
+        """Integral of each joint's force, (nj, 3) [N s]."""
         self._pressed: Any = 0.0
+        """Integral of its magnitude, (nj,) [N s]."""
         self._unknown: Any = 0.0
+        """Variance of the impulse, because forces are unknown between records, (nj,) [N^2 s^2]."""
         self._twists = dict.fromkeys(mechanism.gears, 0.0)
+        """Largest twist of each gear [rad or m]."""
         self._worst: list[tuple[np.ndarray, ...]] = []
+        """Times, coordinates, velocities and efforts of records that decide `loads.limits`."""
 
     def add_records(
         self,
@@ -367,16 +385,16 @@ class Auditor:
         effort: np.ndarray,
         elastic: np.ndarray,
     ) -> None:
-        """Take the next histories into account.
+        """Add the next records, and histories made of them.
 
         Args:
             records: the next records.
-            state: their q and v.
-            energies: kinetic and potential [J].
-            work: of all that does work (n, forces) [J].
-            residual: of the energy balance [J].
-            drift: of ideal loops (n, loops) [m].
-            effort: of drives and controllers (n, nv).
+            state: q and v, (n, nv) each.
+            energies: kinetic and potential energy [J].
+            work: work of each kind of force (n, forces) [J].
+            residual: residual of the energy balance [J].
+            drift: gaps of ideal loops (n, loops) [m].
+            effort: efforts of drives and controllers (n, nv).
             elastic: energy stored in contacts, gears and loads [J].
         """
         if not 0 < records.rows <= PORTION:
@@ -400,7 +418,7 @@ class Auditor:
         largest = np.maximum.accumulate(np.concatenate([[self._friction_work], work[:, FRICTION]]))
         self._friction_returned = _larger(self._friction_returned, largest[1:] - work[:, FRICTION])
         self._friction_work = float(largest[-1])
-        self._forces(records)
+        self._add_forces(records)
         for name in self._twists:
             motor, link = self._mechanism.motor(name), self._mechanism.coordinate(name)
             twist = self._mechanism.gears[name].twist(q[:, motor], q[:, link])
@@ -415,12 +433,11 @@ class Auditor:
                 self._worst = [(time[rows], q[rows], v[rows], effort[rows])]
 
     def _worst_records(self) -> list[np.ndarray]:
-        """Times, coordinates, velocities and efforts of the records that say all about limits."""
+        """The arrays of `_worst`, each of all portions together."""
         return [np.concatenate(parts) for parts in zip(*self._worst, strict=True)]
 
-    def _forces(self, records: Records) -> None:
-        """Largest forces; impulses of the recorded ones by the trapezium rule, and how sure they
-        are."""
+    def _add_forces(self, records: Records) -> None:
+        """Add the largest forces, and impulses by the trapezium rule with their uncertainty."""
         if not len(self._peaks):
             return
         self._peaks = np.maximum(self._peaks, records.recorded("normal_peak").max(axis=(0, 2)))
@@ -437,9 +454,10 @@ class Auditor:
             peaks = np.concatenate([peaks[:1], peaks])
         self._before = time[-1:].copy(), force[-1:].copy()
         interval, begin, end, peak = np.diff(time)[:, None], force[:-1], force[1:], peaks[1:]
-        self._sampled += 0.5 * (interval[..., None] * (begin + end)).sum(axis=0)
+        self._impulse += 0.5 * (interval[..., None] * (begin + end)).sum(axis=0)
         sizes = lengths(force)
         self._pressed += 0.5 * (interval * (sizes[:-1] + sizes[1:])).sum(axis=0)
+        # Within an interval the force varies by no more than between its ends and its peak.
         widest = np.maximum(lengths(begin - end), lengths(begin - peak))
         widest = np.maximum(widest, lengths(end - peak))
         self._unknown += ((interval * widest) ** 2).sum(axis=0)
@@ -451,8 +469,8 @@ class Auditor:
 
         Args:
             workspace: the run's.
-            rest: where the search for the place of rest ended; None: there was none.
-            unjudged: its contact statistics when judging began; None: it never did.
+            rest: where the search for equilibrium ended; None: there was none.
+            unjudged: contact statistics when judging began; None: it never did.
         """
         mechanism, simulation = self._mechanism, self._simulation
         statistics = workspace.contact_statistics()
@@ -507,10 +525,11 @@ class Auditor:
         )
 
     def _impulse_missed(self, workspace: Workspace) -> float:
+        """`Audit.impulse_missed`, as far as it exceeds `MISSED` standard errors."""
         if self._before is None:
             return 0.0
         impulse = workspace.joints["impulse"]
-        missed = np.linalg.norm(self._sampled - impulse, axis=1) - MISSED * np.sqrt(self._unknown)
+        missed = np.linalg.norm(self._impulse - impulse, axis=1) - MISSED * np.sqrt(self._unknown)
         total = np.maximum(self._pressed, np.linalg.norm(impulse, axis=1))
         return float(np.max(missed[total > 0.0] / total[total > 0.0], initial=0.0))
 
@@ -535,12 +554,12 @@ class Auditor:
 
 
 def lengths(vectors: np.ndarray) -> np.ndarray:
-    """Of vectors (..., 3): those of `numpy.linalg.norm`, which takes three times as long."""
+    """Lengths of vectors (..., 3), as `numpy.linalg.norm` in a third of its time."""
     x, y, z = np.moveaxis(vectors, -1, 0)
     sizes: np.ndarray = np.sqrt(x * x + y * y + z * z)
     return sizes
 
 
 def _larger(before: float, values: np.ndarray) -> float:
-    """The largest of all; not a number if one of them is not."""
+    """The largest of all; NaN if one of them is."""
     return float(np.maximum(before, values.max(initial=0.0)))

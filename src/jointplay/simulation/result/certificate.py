@@ -1,7 +1,4 @@
-"""Headline figures of a run with their numerical errors.
-
-`jointplay.certify` finds them.
-"""
+"""Certificates: headline figures of a run with their numerical errors, found by `certify`."""
 
 from __future__ import annotations
 
@@ -14,7 +11,7 @@ from jointplay.base.tables import aligned
 from jointplay.base.units import displayed
 
 MARKED = 0.05
-"""A figure whose relative error exceeds this is marked where it stands."""
+"""Relative error above which a figure is marked."""
 
 HEADLINE = (
     "peak joint force",
@@ -29,19 +26,20 @@ HEADLINE = (
 """Beginnings of the names of the figures that are printed."""
 
 COUNTS = ("impacts",)
-"""Figures that are whole numbers, and so are their errors."""
+"""Figures that are whole numbers, as their errors are."""
 
 
 @dataclass(frozen=True)
 class CertifiedFigure(Described):
-    """A figure of a run, and how far it may be from what the model says."""
+    """A figure of a run with its numerical error against the exact solution of the model."""
 
     name: str
     value: Quantity = quantity("", finite=False)
-    """In its own unit, as its error."""
+    """Value in its own `unit`."""
     error: Quantity = quantity("", finite=False)
-    """Numerical error, as large as it is expected to be in 9 of 10 cases; inf if unknown."""
+    """Bound of the numerical error that is expected to hold in 9 of 10 cases; inf if unknown."""
     unit: str  # type: ignore[misc]  # those before have no default either
+    """SI unit of both."""
 
     def __post_init__(self) -> None:
         if not self.error >= 0.0:
@@ -56,7 +54,7 @@ class CertifiedFigure(Described):
 
     @property
     def marked(self) -> bool:
-        """Whether the error exceeds 5 %, and of a count one."""
+        """Whether the error exceeds 5 %, and for a count also one."""
         return not (self.relative <= MARKED or (self.name in COUNTS and self.error <= 1.0))
 
     @property
@@ -70,11 +68,12 @@ class CertifiedFigure(Described):
 
 
 def plus_minus(value: float, error: float, is_count: bool = False) -> str:
-    """``677.1 ± 0.3``: the error with one digit (two if it begins with 1), the value as many.
+    """Format as ``677.1 ± 0.3``: the error with one digit (two if it begins with 1), the value with
+    as many decimals.
 
-    The value has three to six digits; a smaller error is rounded up to the last of them. An error
-    that is as large as the value leaves only what the size is at most. A value without error stands
-    alone. `is_count`: both are whole numbers.
+    The value has three to six digits; a smaller error is rounded up to the last of them. If the
+    error is as large as the value, only an upper bound of the size is given; if it is zero, the
+    value alone. `is_count`: both are whole numbers.
     """
     if not math.isfinite(error):
         return f"{value:.4g} ± unknown"
@@ -88,7 +87,7 @@ def plus_minus(value: float, error: float, is_count: bool = False) -> str:
         return f"at most {_with_digits(math.ceil(bound / step - 1e-9) * step, 2)}"
     if is_count:
         return f"{value:.0f} ± {error:.0f}"
-    size = math.floor(math.log10(error))
+    size = math.floor(math.log10(error))  # `digits` count from the point
     digits = 1 - size if error < 2.0 * 10.0**size else -size
     top = math.floor(math.log10(abs(value)))
     digits = max(min(digits, 5 - top), 2 - top)
@@ -103,13 +102,13 @@ def plus_minus(value: float, error: float, is_count: bool = False) -> str:
 
 
 UNKNOWN_DIGITS = 3
-"""Digits of a figure of whose error nothing is known."""
+"""Significant digits of a figure whose error is unknown."""
 
 
 def alone(value: float, uncertain: float = 0.0) -> str:
-    """A value of which no error of its own is known: three digits.
+    """Format a value whose own error is unknown, with three digits.
 
-    What is `uncertain` by as much as itself is a bound, as `plus_minus` has it.
+    If it is `uncertain` by as much as its size, it is given as a bound; see `plus_minus`.
     """
     if 0.0 < abs(value) <= uncertain < math.inf:
         return plus_minus(value, uncertain)
@@ -117,7 +116,7 @@ def alone(value: float, uncertain: float = 0.0) -> str:
 
 
 def _with_digits(value: float, digits: int) -> str:
-    """So many digits of a value, of a large one in front of zeros instead of a power of ten."""
+    """Format a value with so many significant digits, without a power of ten up to a million."""
     rounded = float(f"{value:.{digits}g}")
     if rounded == 0.0 or not math.isfinite(rounded):
         return f"{rounded:g}"
@@ -126,7 +125,7 @@ def _with_digits(value: float, digits: int) -> str:
 
 
 def shown(certificate: Certificate | None, name: str, value: float, unit: str) -> str:
-    """A figure by its name in the certificate, with its SI unit, and its error if known."""
+    """Format a figure: from the certificate, with its error, if that has one of its name."""
     for figure in certificate.headline if certificate else ():
         if figure.name == name and math.isfinite(figure.error):
             return str(figure)
@@ -136,14 +135,15 @@ def shown(certificate: Certificate | None, name: str, value: float, unit: str) -
 
 @dataclass(frozen=True)
 class Certificate(Described):
-    """The figures of a run with their errors, and the runs from which these come."""
+    """The figures of a run with their errors, and the further runs that gave these."""
 
     figures: tuple[CertifiedFigure, ...]
     runs: tuple[str, ...] = ()
+    """Descriptions of the further runs."""
     note: str = ""
-    """What else the reader must know."""
+    """A remark for the reader."""
     strict: bool = True
-    """Whether several finer runs found the errors; else two, in doubt three, estimated them."""
+    """Whether the errors are from several finer runs, or estimated from two, in doubt three."""
 
     def __getitem__(self, name: str) -> CertifiedFigure:
         for figure in self.figures:
@@ -153,12 +153,13 @@ class Certificate(Described):
 
     @property
     def origin(self) -> str:
+        """How the errors were found, in words."""
         how = "certified by" if self.strict else "estimated from"
         return f"{how} {len(self.runs)} further runs"
 
     @property
     def headline(self) -> list[CertifiedFigure]:
-        """The figures that are printed; the others are those that the claims use."""
+        """The figures that are printed; the others are measures of the paper's claims."""
         return [figure for figure in self.figures if figure.name.startswith(HEADLINE)]
 
     @property

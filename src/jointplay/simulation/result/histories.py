@@ -1,4 +1,4 @@
-"""From the records of a run to its time histories: what a `Result` is made of."""
+"""Making a result: from the records of a run to its time histories and its audit."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from jointplay.simulation.run import Run
 
 AT_ONCE = 2 * PORTION
-"""Records of which memory holds all histories at a time, where only some are wanted.
+"""Number of records whose histories are all in memory at a time, where only some are wanted.
 
 So many fit into a processor's cache: eight times as many take a sixth longer.
 """
@@ -47,8 +47,8 @@ class HistoryBuilder:
     to the histories how many there are.
 
     Args:
-        run: whose records they are.
-        only: names of the histories that are wanted, those that there are; None: all. Others are
+        run: the run with the records.
+        only: names of the histories that are wanted, as far as they exist; None: all. Others are
             made only as far as the audit needs them.
     """
 
@@ -68,20 +68,21 @@ class HistoryBuilder:
     def portion(
         self, records: variables.Records, phases: Sequence[variables.Phase] | None = None
     ) -> xr.Dataset:
-        """Histories of the next records, at least one, but for what is told of the whole run.
+        """Histories of the next records, at least one; the run's attributes come at its end.
 
-        `phases`: the run's, by rows of these records, if they are others than its own.
+        `phases`: the run's phases by rows of these records, if these are not the run's own.
         """
         return _dataset(*self.contents(records, phases))
 
     def contents(
         self, records: variables.Records, phases: Sequence[variables.Phase] | None = None
     ) -> tuple[variables.Variables, dict[str, Any]]:
-        """What a `portion` is made of: variables and coordinates, by name."""
+        """Variables and coordinates of a `portion`, by name."""
         mechanism, acting, n = self._mechanism, self._acting, records.rows
         phases = self._run.phases if phases is None else phases
         q, v = (np.ascontiguousarray(records.recorded(name)) for name in ("q", "v"))
         stretches = variables.phase_stretches(phases, records.first, n)
+        # Motion of the bodies, energies, and work of the forces.
         body = variables.kinematics(mechanism, q, v, stretches, acting.pairs, self._trees)
         self._continue_orientation(body["orientation"])
         work = records.recorded("work")
@@ -96,6 +97,7 @@ class HistoryBuilder:
             **{term.variable: work[:, index] for index, term in enumerate(variables.TERMS)},
         }
         histories = variables.declared(values, tool=mechanism.tool)
+        # Contacts, or without clearance the constraint forces; gaps of ideal loops.
         elastic = np.zeros(n)
         if mechanism.clearance:
             selection = variables.HISTORIES if self._only is None else self._only
@@ -113,6 +115,7 @@ class HistoryBuilder:
             drift = np.stack([*drifts], axis=1)
             histories |= variables.declared({"loop_drift": drift})
         histories |= variables.declared({"contact_elastic_energy": elastic})
+        # Gears, loads and payloads, with their energies and works.
         coordinates: dict[str, Any] = {}
         if mechanism.gears:
             geared, coordinates, stored = variables.gear_variables(mechanism, records, q)
@@ -129,6 +132,7 @@ class HistoryBuilder:
             histories |= variables.declared({"payload_energy": brought})
             work = work.copy()
             work[:, 0] += brought
+        # The energy balance, and the audit.
         residual = self._residual(body, elastic, work)
         histories |= variables.declared({"energy_residual": residual})
         energies = (body["kinetic"], body["potential"])
@@ -142,7 +146,7 @@ class HistoryBuilder:
     def _chosen(
         self, histories: variables.Variables, coordinates: Mapping[str, Any]
     ) -> tuple[variables.Variables, dict[str, Any]]:
-        """The histories that are wanted, and the coordinates that they have."""
+        """The histories that are wanted, and their coordinates."""
         chosen = {name: histories[name] for name in self._only or () if name in histories}
         used = {"time"}.union(*(dims for dims, *_ in chosen.values()))
         return chosen, {
@@ -152,7 +156,7 @@ class HistoryBuilder:
         }
 
     def _continue_orientation(self, orientation: np.ndarray) -> None:
-        """Let orientations go on from the last ones without a jump in sign."""
+        """Continue orientations from the last ones without a jump in the quaternion's sign."""
         if not len(orientation):
             return
         if self._orientation is not None and self._orientation @ orientation[0] < 0.0:
@@ -167,6 +171,9 @@ class HistoryBuilder:
     def _residual(
         self, body: Mapping[str, Any], elastic: np.ndarray, work: np.ndarray
     ) -> np.ndarray:
+        """Residual of the energy balance: energy less work brought in, plus work lost, from the
+        start on (n,) [J].
+        """
         energy = body["kinetic"] + body["potential"] + elastic - work[:, 0]
         energy = energy + sum(work.T[1:])  # a sum along the short axis takes ten times as long
         if self._energy is None:
@@ -195,7 +202,7 @@ class HistoryBuilder:
         return coordinates
 
     def totals(self) -> dict[str, xr.DataArray]:
-        """Variables that count over the whole run, by name; their azimuths are in them."""
+        """Variables of the whole run, by name, with their coordinates: the sliding work of wear."""
         joints = list(self._mechanism.clearance.values())
         unwanted = self._only is not None and "sliding_work" not in self._only
         if unwanted or not any(joint.wear is not None for joint in joints):
@@ -222,7 +229,7 @@ class HistoryBuilder:
         return self._auditor.audit(self._run.workspace, self._run.rest, self._run.judging.unjudged)
 
     def attributes(self, status: Status) -> dict[str, Any]:
-        """What a result says of the run, all its portions made."""
+        """Attributes of the result, once all portions are made."""
         return {
             "jointplay_format": FORMAT,
             "simulation": json.dumps(self._simulation),
@@ -241,7 +248,7 @@ def histories(
     only: Collection[str] | None = None,
     phases: Sequence[variables.Phase] | None = None,
 ) -> Result:
-    """Make a `Result` of the records in the workspace of a run that ended so.
+    """Make a `Result` of the records in the workspace of a run.
 
     Args:
         run, only, phases: see `HistoryBuilder`; with `only`, memory holds what is not wanted a
@@ -265,7 +272,7 @@ def histories(
 
 
 def compile_histories(run: Run) -> None:
-    """Compile what histories need, by those of one record that was never made."""
+    """Compile the functions that histories need, by making those of an empty record."""
     like = records_of(run.workspace)
     row = np.zeros((1, *like.rows_of.shape[1:]))
     with np.errstate(all="ignore"):
@@ -273,7 +280,7 @@ def compile_histories(run: Run) -> None:
 
 
 def _joined(parts: Sequence[variables.Variables]) -> variables.Variables:
-    """Variables of portions one after the other."""
+    """Variables of consecutive portions, joined along the time."""
     if len(parts) == 1:
         return parts[0]
     return {
@@ -289,6 +296,7 @@ def records_of(workspace: Workspace) -> variables.Records:
 
 
 def _dataset(histories: variables.Variables, coordinates: Mapping[str, Any]) -> xr.Dataset:
+    """A dataset with units, descriptions, and the meaning of flags."""
     import xarray as xr  # takes long to import
 
     dataset = xr.Dataset(

@@ -1,4 +1,4 @@
-"""The inputs of a run, declared once: files, scenarios, options and help are made of them."""
+"""The inputs of a run, declared once: files, scenarios, options and help are made from them."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from jointplay.simulation.motion.reference import Motion
 from jointplay.simulation.result.settings import Integration, LimitSettings, RecordSettings
 
 FILES_DRIVES = ComputedTorque()
-"""Stands for drives that nobody gave: those of the robot's file, else this one."""
+"""Default of the drives: those of the robot's file, or else this one."""
 FILES_LOADS: Mapping[str, Load] = MappingProxyType({})
-"""Stands likewise for loads."""
+"""Default of the loads: those of the robot's file."""
 
 
 @dataclass(frozen=True)
@@ -25,13 +25,14 @@ class Inputs(Integration, RecordSettings, LimitSettings, Described):
     """All inputs of a run."""
 
     mechanism: Mechanism
-    """What moves."""
+    """The robot or linkage, with its clearance."""
     motion: Motion | None = None
-    """Reference of the joints whose drives follow one; other joints of an open tree are held where
-    they start, unless there are drives by joint or their speed is given."""
+    """Reference motion of the joints whose drives follow one; other joints of an open tree are held
+    where they start, unless there are drives by joint or their speed is given."""
     drive: Drive | Mapping[str, Drive] = FILES_DRIVES
-    """One for all joints of the motion, or by joint; joints that are not named are then free. If
-    none is given, those of an MJCF, and computed torque of all other joints of the motion."""
+    """One drive for all joints of the motion, or drives by joint; joints that are not named are
+    then free. If none is given, the drives of an MJCF, and computed torque for all other joints of
+    the motion."""
     _: KW_ONLY
     joint_friction: Mapping[str, JointFriction] | None = None
     """Friction by joint; None uses the URDF's <dynamics> entries."""
@@ -41,8 +42,8 @@ class Inputs(Integration, RecordSettings, LimitSettings, Described):
         "", default_factory=dict
     )
     """Position [rad or m], or position and speed, at the start, by name of a joint without
-    reference or of any coordinate: ``joint.x`` and so on are the journal's own. None leaves
-    one of the two open. In loops, what is not given follows."""
+    reference or of any coordinate: ``joint.x`` and so on are the journal's own. None leaves one of
+    the two open. In loops, coordinates that are not given follow."""
     loads: Mapping[str, Load] = field(default_factory=lambda: FILES_LOADS)
     """Other loads, each under a name of your choice: springs, wrenches, stops, controllers. If none
     are given, those of an MJCF."""

@@ -2,9 +2,9 @@
 
 HDF5 ends the process if it closes a file on a full disk, and a file with a flipped bit can keep it
 busy for ever. So it writes to memory only, and the bytes then go to disk like those of any file
-(`files.write`). Behind them stands a line with their SHA-256: NetCDF readers do not see it, and
-HDF5 is not shown anything that has changed since. Nor is it shown anything here that another
-process has not read before (`hdf5.examined`): anyone can compute a checksum.
+(`files.write`). Behind them stands a line with their SHA-256, which NetCDF readers do not see; a
+file that has changed since is not given to HDF5. Anyone can compute a checksum, so that another
+process reads each file first (`hdf5.examined`).
 
 A file that is too large for memory is written portion by portion (`GrowingDataset`).
 """
@@ -33,9 +33,9 @@ if TYPE_CHECKING:
     import xarray as xr
 
 SEAL = b"\njointplay sha256 "
-"""What stands between a file's content and its checksum, which ends the file with a newline."""
+"""Mark between a file's content and its checksum, which with a newline ends the file."""
 CHUNK = 4096
-"""Records that are compressed together."""
+"""Number of records that are compressed together."""
 INDEX_BYTES = 1 << 18
 """Memory for the index of the chunks, however many there are [bytes]."""
 
@@ -47,6 +47,7 @@ _PIECE = 1 << 20
 """Bytes that are read at once for a checksum."""
 
 _SEALED = len(SEAL) + 64 + 1
+"""Bytes of the seal: mark, checksum, newline."""
 
 
 def pack(dataset: xr.Dataset) -> bytes:
@@ -57,10 +58,10 @@ def pack(dataset: xr.Dataset) -> bytes:
 def _netcdf(
     dataset: xr.Dataset, encoding: Mapping[str, Mapping[str, Any]], growing: Sequence[str] = ()
 ) -> bytes:
-    """The file that holds `dataset`; some dimensions of it may be `growing`.
+    """The file that holds `dataset`, some of whose dimensions may be `growing`.
 
-    As `Dataset.to_netcdf` makes it, which imports dask's schedulers, where they are installed, to
-    ask whether one is at work: a quarter of a second.
+    It is the file of `Dataset.to_netcdf`, which would take a quarter of a second longer, to import
+    dask's schedulers, where they are installed, and ask whether one is at work.
     """
     from xarray.backends import H5NetCDFStore
 
@@ -74,7 +75,7 @@ def _netcdf(
 
 
 def compression(dataset: xr.Dataset) -> dict[str, dict[str, Any]]:
-    """How the variables are compressed, by name."""
+    """Compression of the variables, by name."""
     return {
         str(name): {"zlib": True, "complevel": 1, "shuffle": True}
         for name, variable in dataset.data_vars.items()
@@ -96,7 +97,7 @@ def checksum(path: Path) -> str:
     """The checksum that a file ends with.
 
     Raises:
-        JointplayError: what stands before it does not match it; there is none.
+        JointplayError: it does not match the content, or there is none.
     """
     with _verified(path) as (file, size):
         file.seek(size)
@@ -104,7 +105,7 @@ def checksum(path: Path) -> str:
 
 
 def digest(file: BinaryIO, size: float = math.inf) -> bytes:
-    """Checksum of what `file` holds from where it stands, of `size` bytes or to its end."""
+    """Checksum of `file` from its present position on, of `size` bytes or to its end."""
     checksum = hashlib.sha256()
     for piece in _pieces(file, size):
         checksum.update(piece)
@@ -112,7 +113,7 @@ def digest(file: BinaryIO, size: float = math.inf) -> bytes:
 
 
 def _pieces(file: BinaryIO, size: float) -> Iterator[bytes]:
-    """What `file` holds from where it stands, of `size` bytes or to its end."""
+    """Content of `file` from its present position on, of `size` bytes or to its end."""
     while size > 0 and (piece := file.read(int(min(_PIECE, size)))):
         yield piece
         size -= len(piece)
@@ -120,7 +121,7 @@ def _pieces(file: BinaryIO, size: float) -> Iterator[bytes]:
 
 @contextmanager
 def _verified(path: Path) -> Iterator[tuple[BinaryIO, int]]:
-    """A file that is as it was sealed, at its beginning, and the size of its content.
+    """Open a file that is unchanged since it was sealed; yields it with the size of its content.
 
     Raises:
         JointplayError: it cannot be read, is damaged, or has no checksum.
@@ -139,7 +140,7 @@ def _verified(path: Path) -> Iterator[tuple[BinaryIO, int]]:
 
 
 def open_lazily(path: Path, indexed: bool = True) -> xr.Dataset:
-    """A file that `pack` or `GrowingDataset` made, of which is read what is asked for.
+    """Open a file that `pack` or `GrowingDataset` made, to be read when values are needed.
 
     All of it is read once, for its checksum. `indexed`: whether its times are read too, to find
     records by them.
@@ -173,9 +174,9 @@ def load(path: Path) -> xr.Dataset:
 
 @contextmanager
 def _examined(path: Path) -> Iterator[ModuleType]:
-    """Give xarray to the block once another process has read the file; HDF5's errors are damage."""
+    """Import xarray while another process reads the file first; HDF5's errors mean damage."""
     try:
-        with examined(path):  # meanwhile
+        with examined(path):  # the other process reads meanwhile
             import xarray as xr
         yield xr
     except JointplayError:
@@ -184,15 +185,15 @@ def _examined(path: Path) -> Iterator[ModuleType]:
         raise damaged(path, "result", error) from None
 
 
-# Written portion by portion: the content is the same as `pack` makes, and so is the seal.
+# Files written portion by portion, with the same content and seal as those of `pack`.
 
 
 class GrowingDataset:
-    """Dataset in a file, to which records are appended; `OSError` where there is no room for them.
+    """A dataset in a file, to which records are appended; `OSError` if there is no room for them.
 
     Args:
-        file: empty, to be written and read.
-        first: the first records, and whatever does not depend on time.
+        file: an empty file, to be written and read.
+        first: the first records, and all variables that do not depend on time.
     """
 
     def __init__(self, file: BinaryIO, first: xr.Dataset) -> None:
@@ -241,11 +242,10 @@ class GrowingDataset:
 
 
 def add(path: Path, attributes: Mapping[str, Any], histories: Iterable[xr.Dataset] = ()) -> None:
-    """Give a file that `pack` or `GrowingDataset` made further attributes, whatever its size, and
-    further histories, portion by portion.
+    """Add attributes to a file that `pack` or `GrowingDataset` made, and histories by portions.
 
     Raises:
-        JointplayError: it cannot be read or written, or is damaged; it is as it was.
+        JointplayError: it cannot be read or written, or is damaged; it is then unchanged.
     """
     import h5netcdf
     import h5py
@@ -255,7 +255,8 @@ def add(path: Path, attributes: Mapping[str, Any], histories: Iterable[xr.Datase
             for piece in _pieces(sealed_file, size):
                 file.write(piece)
             file.seek(0)
-            if sealed_file.read() != SEAL + digest(file) + b"\n":  # no damage gets its own seal
+            # The copy is checked again, lest damage on the way get a seal of its own.
+            if sealed_file.read() != SEAL + digest(file) + b"\n":
                 raise damaged(path, "result", _CHANGED)
         file.flush()
         disk = _CheckedFile(file)
@@ -274,7 +275,7 @@ def add(path: Path, attributes: Mapping[str, Any], histories: Iterable[xr.Datase
 
 
 def _create(dataset: Any, name: str, variable: xr.DataArray) -> None:
-    """Make room for a history in a file, compressed as `compression` has it."""
+    """Make room for a history in a file, compressed as by `compression`."""
     sizes = [dataset.dimensions[str(dimension)].size for dimension in variable.dims]
     variable_on_disk = dataset.create_variable(
         name, variable.dims, variable.dtype, fillvalue=np.nan,

@@ -1,4 +1,4 @@
-"""What a run leaves behind: time histories, the run's own audit, and all it takes to run again."""
+"""The result of a run: time histories, the run's audit, and all inputs to run it again."""
 
 from __future__ import annotations
 
@@ -36,6 +36,7 @@ FORMAT = 6
 """Version of the file format."""
 
 AXES = ("x", "y", "z")
+"""Components of vectors, in their order."""
 
 COMPARED = (
     *("tool_error", "tool_error_vector", "tool_turn"),
@@ -47,16 +48,16 @@ COMPARED = (
 
 @known_keywords
 class Result:
-    """Time histories of a run and their meaning.
+    """Time histories of a run, and how far they can be trusted.
 
     Args:
-        dataset: of a run.
+        dataset: histories and attributes of a run.
 
     Attributes:
         dataset: `xarray.Dataset` with named dimensions and units; docs/results.md explains them.
-        audit: what the run says about its own quality.
-        status: how it ended.
-        message: the same in one line.
+        audit: figures by which the run judges its own quality.
+        status: how the run ended.
+        message: how it ended, in a line.
     """
 
     def __init__(self, dataset: xr.Dataset) -> None:
@@ -67,7 +68,7 @@ class Result:
         self.message: str = dataset.attrs["message"]
 
     def __getitem__(self, name: str) -> xr.DataArray:
-        """A history by its name; those of the tool's error are found if they are not there yet."""
+        """A history by its name; those of the tool error are computed if they are not there yet."""
         if name in COMPARED and name not in self.dataset:
             provided("find_tool_error")(self)
         return self.dataset[name]
@@ -81,21 +82,22 @@ class Result:
 
     @property
     def judge_from(self) -> float:
-        """From when on measures, figures and reports judge this run, if not told otherwise [s].
+        """Time from which measures, figures and reports judge this run by default [s].
 
-        0 for a run that was interrupted before: then all there is is judged.
+        It is 0 for a run that was interrupted before, of which all is judged.
         """
         start = self.audit.judged_from
         return start if len(self.time) and self.time[-1] > start else 0.0
 
     @property
     def judgement(self) -> str:
+        """The audit and the certificate, in lines."""
         certificate = self.certificate
         return self.audit.text(certificate) + (f"\n{certificate}" if certificate else "")
 
     @property
     def certificate(self) -> Certificate | None:
-        """Headline figures with their numerical errors; None if nobody looked for them."""
+        """Headline figures with their numerical errors; None if these were not estimated."""
         text = self.dataset.attrs.get("certificate")
         if text is None:
             return None
@@ -108,6 +110,7 @@ class Result:
         self.dataset.attrs["certificate"] = json.dumps(certificate.describe())
 
     def amend(self, **figures: Any) -> None:
+        """Replace figures of the audit."""
         self.audit = dataclasses.replace(self.audit, **figures)
         self.dataset.attrs["audit"] = json.dumps(self.audit.describe())
 
@@ -116,7 +119,7 @@ class Result:
 
         Raises:
             KeyboardInterrupt: it was interrupted.
-            JointplayError: it stopped early: why; `run` is what it is called there.
+            JointplayError: it stopped early; the message has the reason, and calls it `run`.
         """
         if self.status == Status.INTERRUPTED:
             raise KeyboardInterrupt
@@ -138,33 +141,33 @@ class Result:
 
     @property
     def values(self) -> list[Value]:
-        """What its figures hang on: each value with its origin."""
+        """The values on which its figures depend, each with its origin."""
         return from_text(self.dataset.attrs["values"])
 
     @property
     def assumed(self) -> Table:
-        """What nobody gave: value, by which rule, and what another would change."""
+        """Table of the values that were assumed, each with its rule."""
         return value_table([value for value in self.values if value.assumed])
 
     @property
     def beside(self) -> dict[str, Any] | None:
-        """The motion as it was meant, as files have it, where another was run to bring the tool
-        there; None: the motion that was run."""
+        """The motion as it was meant, as plain data, where another was run to bring the tool there;
+        None: the motion that was run."""
         text = self.dataset.attrs.get("beside")
         return None if text is None else json.loads(text)  # type: ignore[no-any-return]
 
     def summary(self) -> str:
-        """What came out, in the lines that `jointplay run` prints: tool error, forces, rattle."""
+        """The outcome in the lines that `jointplay run` prints: tool error, forces, rattle."""
         return provided("summary")(self)  # type: ignore[no-any-return]
 
     @cached_property
     def tool_error(self) -> ToolError:
-        """How far the tool is from the ideal robot's, which is simulated for it [m, rad]."""
+        """Distance of the tool from the ideal robot's, which is simulated for it [m, rad]."""
         return provided("tool_error")(self)  # type: ignore[no-any-return]
 
     @property
     def forces(self) -> xr.DataArray:
-        """Force in each joint with clearance, (time, joint), the largest in each interval [N]."""
+        """Largest force since the last record in joints with clearance, (time, joint) [N]."""
         vectors = self["joint_force_peak"]
         sizes = vectors.reduce(np.linalg.norm, "axis").rename("forces")
         sizes.attrs = {"units": "N", "long_name": "largest joint force"}
@@ -183,20 +186,20 @@ class Result:
 
     @property
     def q(self) -> np.ndarray:
-        """Coordinates (n, nq) [rad or m], as the model of the result's mechanism takes them."""
+        """Coordinates (n, nq) [rad or m], in the order of the mechanism's model."""
         return self.dataset["q"].values
 
     @property
     def v(self) -> np.ndarray:
-        """Velocities (n, nv) [rad/s or m/s], as the model of the result's mechanism takes them."""
+        """Velocities (n, nv) [rad/s or m/s], in the order of the mechanism's model."""
         return self.dataset["v"].values
 
     def to_dataframe(self, every: int = 1) -> pd.DataFrame:
         """Histories as a pandas table, one row a record, one column a number.
 
         The index is the `time` [s]. Columns are called ``tool_position.x``, ``q.joint_b.yaw``;
-        ``attrs["units"]`` has their units. `every`: only each n-th record and the last; peaks cover
-        what lies between.
+        ``attrs["units"]`` has their units. `every`: take only each n-th record and the last; peaks
+        cover the records between.
         """
         frame: pd.DataFrame = provided("dataframe")(self, every)
         return frame
@@ -206,8 +209,7 @@ class Result:
 
         Args:
             path: the file.
-            to: ``csv``, ``parquet``, ``trajectory`` or ``mcap``; None tells it by the file's
-                ending.
+            to: ``csv``, ``parquet``, ``trajectory`` or ``mcap``; None: by the file's ending.
             options, errors: see `jointplay.bridges.export`.
         """
         written: Path = provided("export")(self, path, to, **options)
@@ -219,11 +221,11 @@ class Result:
 
     @cached_property
     def simulation(self) -> Simulation:
-        """The simulation that made this result, built from what the result holds.
+        """The simulation that made this result, built from the inputs in it.
 
-        `result.simulation.run()` gives the same result, bit for bit on the same machine. A law of
-        the user's own that is not at hand (see `load`) can be looked at, and a run of it says what
-        is missing: code that a file brings is never run.
+        `result.simulation.run()` gives the same result, bit for bit on the same machine. A
+        simulation with a law of the user's own that is not at hand (see `load`) can be read, and
+        refuses to run: code that a file brings is never run.
 
         Raises:
             JointplayError: its inputs do not make a simulation.
@@ -268,9 +270,9 @@ class Result:
 
         Args:
             path: the file.
-            every: only each n-th record and the last, peaks covering what lies between: the result
-                of a run that recorded so seldom. A file of any size then fits into memory.
-            most: records at most, about, in place of `every`.
+            every: read only each n-th record and the last, as if the run had recorded so seldom:
+                peaks cover the records between. A file of any size then fits into memory.
+            most: largest number of records, about, in place of `every`.
             only: histories that are wanted, if not all records are; None: all.
 
         Raises:
@@ -290,7 +292,7 @@ class Result:
         return cls(thinned)
 
     def thinned(self, every: int) -> Result:
-        """Each n-th record and the last one, what lay between covered as by `thinning.thin`."""
+        """Each n-th record and the last one; peaks cover the records between (`thinning.thin`)."""
         if require_whole("every", every, 1) == 1 or self.dataset.sizes["time"] < 2:
             return self
         from jointplay.simulation.result.thinning import thin
@@ -299,11 +301,11 @@ class Result:
 
     @classmethod
     def open(cls, path: str | Path) -> Result:
-        """Open a file that `save` or a long run wrote, and read from it only what is asked for.
+        """Open a file that `save` or a long run wrote, and read its histories only when needed.
 
-        Histories stay on disk, but for the times; what one takes from them, such as
-        ``result["q"].isel(time=slice(0, 1000))``, is read when its values are. Nothing is kept:
-        whatever goes over all histories reads them, and needs memory for them.
+        All but the times stays on disk; a part such as ``result["q"].isel(time=slice(0, 1000))`` is
+        read when its values are. Nothing is kept: whatever goes over all histories reads them
+        again, and needs memory for them.
 
         Raises:
             JointplayError: no such file, damaged, without checksum, or not a jointplay result.
@@ -312,6 +314,7 @@ class Result:
 
     @classmethod
     def read(cls, path: str | Path, reader: Callable[[Path], xr.Dataset]) -> Result:
+        """Read a file by `reader`, and check its format and content."""
         require_a("path", path, "str", "Path")
         from jointplay.simulation.result.stored import check
 

@@ -1,4 +1,4 @@
-"""Settings of a run that are tables of a scenario too: declared here once, light to import."""
+"""Settings of a run that are also tables of a scenario; declared once, and quick to import."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from jointplay.physics.kernel.constants import DEFAULT, INTEGRATORS
 from jointplay.simulation.loads.limits import LIMITS
 
 STARTS = ("rest", "centred")
-"""Where journals begin: where they lie under load, or in the middle of their bearings."""
+"""Starts of journals: at rest under load, or in the middle of their bearings."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,7 +31,7 @@ class Integration:
     """Simulated time; if not given, the duration of the motion."""
     seed: int | None = None
     """Seed of random displacements: each journal starts displaced by up to half its clearances,
-    teeth of gears anywhere in their play."""
+    and teeth of gears start anywhere in their play."""
     start: str | None = choice("start", STARTS, default=None)
     """Where journals start: ``rest``, at their equilibrium under gravity and drives, or
     ``centred``, in the middle of their bearings. If not given: at rest if gravity acts or the
@@ -39,7 +39,7 @@ class Integration:
     that is not hybrid must not break."""
     settle: float | str | None = quantity("s", default=None)
     """Time at the start in which the motion settles and figures are not judged, or ``"2 turns"``:
-    until a driven joint has made so many turns."""
+    until a driven joint has made that many turns."""
     judge_from: OptionalQuantity = quantity("s", default=None)
     """Time from which figures are judged; if not given, when the start has died away."""
 

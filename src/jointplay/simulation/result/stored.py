@@ -1,7 +1,7 @@
-"""Whether what a result file says can be what a run wrote: its inputs, its audit, its histories.
+"""Checks of a result file: whether its inputs, audit and histories can be what a run wrote.
 
-Files come from anywhere. What is checked here by the models of scenario files and of the audit,
-readers need not doubt: they would stumble over it one by one, each in its own way.
+Files come from anywhere. What is checked here, by the declarations of inputs, audit and histories,
+need not be checked again by each reader.
 """
 
 from __future__ import annotations
@@ -29,14 +29,15 @@ if TYPE_CHECKING:
     import xarray as xr
 
 _TEXTS = ("status", "message", "audit", "simulation", "values")
+"""Attributes that must be there, as text."""
 
 _AT_ONCE = 1 << 16
-"""Times that are looked at together."""
+"""Number of times that are checked together."""
 
 
 def stored_coordinates(mechanism: Mapping[str, Any]) -> dict[str, Coordinate]:
     """Coordinates of virtual links, carriages, motors and a free base of a described mechanism, by
-    their names in results; what is not among them is a joint's own.
+    their names in results; any other coordinate is a joint's own.
     """
     loose = [*mechanism["clearance"], *([BASE] if mechanism.get("base") == FREE else [])]
     links = [(joint, part) for joint in loose for part in VIRTUAL_LINK]
@@ -46,7 +47,7 @@ def stored_coordinates(mechanism: Mapping[str, Any]) -> dict[str, Coordinate]:
 
 
 def check(dataset: xr.Dataset, path: Path) -> None:
-    """Refuse a file whose content no run can have written, naming `path` and what is wrong."""
+    """Refuse a file whose content no run can have written; the error names `path` and the fault."""
     try:
         _check_attributes(dataset)
         step = _described(dataset, "audit", Audit)["step"]
@@ -101,14 +102,14 @@ def _check_certificate(dataset: xr.Dataset) -> None:
 def _json(name: str, text: Any) -> Any:
     try:
         data = json.loads(text)
-        json.dumps(data, ensure_ascii=False).encode()  # half characters cannot be shown
+        json.dumps(data, ensure_ascii=False).encode()  # lone surrogates cannot be shown
         return data
     except (TypeError, ValueError, RecursionError) as error:
         raise JointplayError(f"its attribute {name!r} is not valid JSON: {error}") from None
 
 
 def _described(dataset: xr.Dataset, name: str, kind: type) -> Any:
-    """An attribute as plain data, which describe a `kind`; nothing is made of them here."""
+    """An attribute as plain data, checked to describe a `kind`; no object is made of it."""
     data = _json(name, dataset.attrs[name])
     try:
         schema.check(kind, data)
@@ -121,7 +122,7 @@ def _described(dataset: xr.Dataset, name: str, kind: type) -> Any:
 
 
 def _require_all(name: str, kind: type, table: Mapping[str, Any]) -> None:
-    """Refuse a table that lacks a key: runs write all, what is usual too."""
+    """Refuse a table that lacks a key: runs write all, defaults too."""
     for key in schema.fields_of(kind):
         if key not in table:
             raise JointplayError(f"{name}: the key {key} is missing")
@@ -176,7 +177,7 @@ def _check_times(dataset: xr.Dataset) -> None:
 
 
 def _names(dataset: xr.Dataset, name: str, dimension: str = "") -> list[str]:
-    """The texts of the coordinate `name`, which is the dimension itself unless one is given."""
+    """The texts of the coordinate `name`, along the dimension of that name or another one."""
     dimension = dimension or name
     if name not in dataset.coords or dataset[name].dims != (dimension,):
         raise JointplayError(f"it has no {name!r} along {dimension!r}")
@@ -189,7 +190,7 @@ def _names(dataset: xr.Dataset, name: str, dimension: str = "") -> list[str]:
 
 
 def _writable(text: str) -> bool:
-    """Whether it has no half characters."""
+    """Whether a text can be encoded: without lone surrogates."""
     try:
         text.encode()
     except UnicodeEncodeError:

@@ -1,4 +1,4 @@
-"""Fewer records of a result, without losing what lay between them."""
+"""Thinning: fewer records of a result, whose peaks cover the records left out."""
 
 from __future__ import annotations
 
@@ -8,20 +8,22 @@ import numpy as np
 import xarray as xr
 
 _LARGEST, _SMALLEST, _STRONGEST = "normal_force_peak", "gap_min", "joint_force_peak"
-"""Variables that cover the time since the last record, by how two of them make one."""
+"""Variables that cover the time since the last record: combined by the largest number, the smallest
+number, or the longest vector."""
 _AT_ONCE = 1 << 15
-"""Records of a variable that are read at once, about."""
+"""Number of records of a variable that are read at once, about."""
 LARGE_FILE = 10_000_000
-"""Files that are smaller are read whole [bytes]."""
+"""Size from which files are thinned for summaries; smaller ones are read whole [bytes]."""
 SUMMARY_RECORDS = 50_000
-"""Records of a long run that are read for its summary and figures, about."""
+"""Number of records of a long run that are read for its summary and figures, about."""
 
 
 def thin(dataset: xr.Dataset, every: int, only: Collection[str] | None = None) -> xr.Dataset:
     """Each n-th record of a dataset and the last one, read a piece of a variable at a time.
 
-    What covers the time since the last record (``*_peak``, ``gap_min``) covers that since the last
-    one kept. `only`: histories that are wanted; None: all. What does not depend on time always is.
+    Variables that cover the time since the last record (``*_peak``, ``gap_min``) cover that since
+    the last one kept. `only`: histories that are wanted, beside all that do not depend on time;
+    None: all.
     """
     count = dataset.sizes["time"]
     rows = np.unique(np.append(np.arange(0, count, every), max(count - 1, 0)))[:count]
@@ -45,7 +47,7 @@ def thin(dataset: xr.Dataset, every: int, only: Collection[str] | None = None) -
 def _read(
     name: str, variable: xr.Variable, rows: np.ndarray, begin: np.ndarray, every: int
 ) -> xr.Variable:
-    """The records `rows` of a variable, each with what happened from the one at `begin` on."""
+    """The records `rows` of a variable, each combined with those from its `begin` on."""
     if "time" not in variable.dims:
         return variable.copy(data=variable.values)
     shape = [len(rows) if dim == "time" else size for dim, size in variable.sizes.items()]
@@ -62,7 +64,7 @@ def _read(
 
 
 def _reduced(name: str, block: np.ndarray, rows: np.ndarray, begin: np.ndarray) -> np.ndarray:
-    """Of a piece of a variable the records `rows`, or what covers the time from `begin` on."""
+    """The records `rows` of a piece of a variable, or combinations of those from `begin` on."""
     if name == _LARGEST:
         return np.asarray(np.fmax.reduceat(block, begin, axis=0))
     if name == _SMALLEST:

@@ -1,4 +1,9 @@
-"""What histories are made of: energies, body motion, contacts, loads, forces of ideal joints."""
+"""Variables of a result: their declarations, and how each is computed from records.
+
+`HISTORIES` declares all time histories with dimensions and units. The functions below compute them
+for a portion of records: body motion, contacts, gears, loads, and forces of ideal joints;
+`histories.HistoryBuilder` puts them together.
+"""
 
 from __future__ import annotations
 
@@ -22,18 +27,21 @@ from jointplay.physics.kernel.layout import Quantity
 from jointplay.simulation.loads.base import Load
 from jointplay.simulation.loads.drive import JointFriction
 
-# Terms of the energy balance: one for each power that the kernels count.
+# Terms of the energy balance, one for each power that the kernels integrate.
 #
 # Results, the audit, the certificate and the energy chart go through this list.
 
 
 @dataclass(frozen=True)
 class Term:
-    """Work that one kind of load has done since the start."""
+    """Work of one kind of force since the start."""
 
     power: str
+    """Name of the kernels' power."""
     variable: str
+    """Name of the history."""
     label: str
+    """Label in charts."""
     lost: bool = True
     """Whether it takes energy out of the mechanism; else it brings it in."""
 
@@ -46,7 +54,7 @@ TERMS = (
     Term("gear_dissipation", "gear_dissipation", "lost in gears"),
     Term("film_dissipation", "film_dissipation", "lost in oil"),
 )
-"""In the order of the kernels' powers."""
+"""The terms, in the order of the kernels' powers."""
 
 if tuple(term.power for term in TERMS) != POWERS:
     raise TypeError(f"the terms of the energy balance are not the kernels': {', '.join(POWERS)}")
@@ -55,7 +63,7 @@ LOSSES = tuple(term.variable for term in TERMS if term.lost)
 """Time histories of energy lost."""
 
 
-# Time histories of every result: what a run writes, and what is asked of a file of one.
+# Declarations of time histories: what a run writes, and what a file must have.
 
 
 @dataclass(frozen=True)
@@ -63,10 +71,12 @@ class History:
     """A time history, along the time and further dimensions."""
 
     dims: tuple[str, ...]
+    """Dimensions after ``time``."""
     unit: str
     text: str
+    """Description, the history's ``long_name``."""
     of: str = "all"
-    """Which results have it: ``all``, those with ``play``, the ``ideal`` ones, those that were
+    """Results that have it: ``all``, those with ``play``, ``ideal`` ones, those that were
     ``compared`` with the ideal mechanism's; or ``some``."""
 
 
@@ -139,22 +149,22 @@ HISTORIES = {
         ("axis",), "rad/s", "angular velocity of the ideal tool, world axes", "compared"
     )
 }  # fmt: skip
-"""By name; gears and loads add their own."""
+"""Time histories by name; gears and loads add their own."""
 
 
-# Records that a run left, whole or a portion of them, wherever they are kept.
+# Records of a run, all or a portion of them, wherever they are kept.
 
 
 @dataclass(frozen=True)
 class Records:
-    """Some consecutive records; `Workspace.recorded` says what their columns are."""
+    """Some consecutive records; their columns are those of `Workspace.recorded`."""
 
     rows_of: np.ndarray
-    """A record each, shape (n, columns)."""
+    """One record a row, shape (n, columns)."""
     fields: Mapping[str, Quantity]
-    """Where quantities stand, by name."""
+    """Columns of each quantity, by name."""
     first: int = 0
-    """Records of the run that come before."""
+    """Number of the run's records before these."""
 
     @property
     def rows(self) -> int:
@@ -165,27 +175,28 @@ class Records:
         return self.fields[name].of(self.rows_of)
 
     def part(self, begin: int, end: int) -> Records:
-        """Those from `begin` to `end`, counted from the first one here."""
+        """The records from `begin` to `end`, counted from the first one here."""
         return Records(self.rows_of[begin:end], self.fields, self.first + begin)
 
     def parts(self, size: int) -> Iterator[Records]:
-        """All of them, `size` at a time; at least one part."""
+        """All records, `size` at a time; at least one part, empty without records."""
         for begin in range(0, max(self.rows, 1), size):
             yield self.part(begin, begin + size)
 
 
-# What loads did in a run: their energies, works and records, and what they pushed on.
+# Loads: their energies, works and own histories, and the bodies that they push.
 
 
 Variables = dict[str, tuple[tuple[str, ...], np.ndarray, str, str]]
+"""Dimensions, values, unit and description of each variable, by name."""
 
 
 class BoundLoads:
     """The loads of a run, bound to its mechanism.
 
     Attributes:
-        pairs: frames whose poses are needed, by a key: those of each load between frames, and its
-            second one in the world.
+        pairs: pairs of frames whose relative poses are needed, by a key: those of each load between
+            frames, and the world with its second one.
     """
 
     def __init__(self, mechanism: Mechanism, loads: Mapping[str, Load]) -> None:
@@ -198,7 +209,7 @@ class BoundLoads:
                 self.pairs["world", name] = (WORLD_FRAME, site.frames[1])
 
     def _answers(self, records: Records) -> dict[str, np.ndarray]:
-        """What each load's law gave, (n, size)."""
+        """Recorded answers of each load's law, (n, size)."""
         recorded, answers, at = records.recorded("load_force"), {}, 0
         for name, site in self._sites.items():
             size = len(site.outputs) if site.frames is None else 6
@@ -209,10 +220,9 @@ class BoundLoads:
     def histories(
         self, q: np.ndarray, body: Mapping[str, Any], records: Records
     ) -> tuple[Variables, dict[str, Any]]:
-        """Variables of a result, and their coordinates, of these records with coordinates q (n,
-        nq).
+        """Variables of the loads and their coordinates, for records with coordinates q (n, nq).
 
-        `body` has under "poses" those of `pairs` (n, 12), by key.
+        `body["poses"]` has the poses of `pairs` (n, 12), by key.
         """
         n, names = len(q), list(self.loads)
         energy, answers = np.zeros((n, len(names))), self._answers(records)
@@ -237,7 +247,7 @@ class BoundLoads:
         return variables, {"load": names, "load_part": parts, "load_part_unit": units_of_parts}
 
     def driven(self, records: Records) -> np.ndarray:
-        """Efforts of those loads that are actuators of joints, (n, nv) [N m or N]."""
+        """Efforts of the loads that are actuators of joints, (n, nv) [N m or N]."""
         efforts = np.zeros((records.rows, self.mechanism.model.nv))
         for name, answers in self._answers(records).items():
             if self.loads[name].driven():
@@ -247,8 +257,12 @@ class BoundLoads:
     def pushes(
         self, body: Mapping[str, Any], records: Records
     ) -> tuple[np.ndarray, list[int], np.ndarray]:
-        """Efforts on the coordinates (n, nv) [N m or N]; Pinocchio joints whose bodies were pushed,
-        and by what: force [N], moment about the world's origin [N m], world axes (n, bodies, 6).
+        """Efforts and wrenches of all loads.
+
+        Returns:
+            Efforts on the coordinates (n, nv) [N m or N]; Pinocchio joints of the bodies that
+            wrenches act on; and these wrenches: force [N], moment about the world's origin [N m],
+            world axes, (n, bodies, 6).
         """
         n = records.rows
         efforts = np.zeros((n, self.mechanism.model.nv))
@@ -277,12 +291,13 @@ class Phase:
     row: int
     """First record that belongs to it."""
     model: pin.Model
+    """The bodies, payloads in hand."""
     energy: float = 0.0
-    """What payloads have brought in since the start, when they were picked and released [J]."""
+    """Energy that payloads have brought in since the start, by being picked and released [J]."""
 
 
 def declared(values: Mapping[str, np.ndarray], **insertions: str) -> Variables:
-    """Histories as their declaration says; `words` are put into the texts."""
+    """Variables with dimensions, units and texts of `HISTORIES`; `insertions` fill the texts."""
     return {
         name: (("time", *history.dims), array, history.unit, history.text.format(**insertions))
         for name, array in values.items()
@@ -297,14 +312,14 @@ def contact_names(mechanism: Mechanism) -> list[str]:
 
 
 def unit_of(mechanism: Mechanism, coordinate: Coordinate) -> str:
-    """``m`` or ``rad``."""
+    """Unit of a coordinate, ``m`` or ``rad``."""
     if coordinate.part in VIRTUAL_LINK:
         return "m" if coordinate.length else "rad"
     return mechanism.description.joints[coordinate.joint].unit
 
 
 def phase_stretches(phases: Sequence[Phase], first: int, n: int) -> list[tuple[int, int, Phase]]:
-    """First record, end and phase of each stretch of the n records from `first` on; none empty."""
+    """Begin, end and phase of each stretch of the n records from `first` on that is not empty."""
     begins = [max(phase.row - first, 0) for phase in phases]
     ends = [min(begin, n) for begin in begins[1:]] + [n]
     stretches = zip(begins, ends, phases, strict=True)
@@ -312,7 +327,7 @@ def phase_stretches(phases: Sequence[Phase], first: int, n: int) -> list[tuple[i
 
 
 _EFFORTS = {"rad": "N m", "m": "N"}
-"""Unit of the effort that moves a joint, by that of its position."""
+"""Unit of a joint's effort, by that of its position."""
 
 
 def gear_variables(
@@ -344,8 +359,18 @@ def kinematics(
     more: Mapping[Any, tuple[Frame, Frame]],
     trees: dict[int, Tree],
 ) -> dict[str, Any]:
-    """Tool motion and energies by record; by joint with clearance, loop and pair of `more` its
-    `bearings` (n, 3, 3) and `poses` (n, 12), by name. `trees` keeps those of the phases, by row.
+    """Motion of the tool, energies, and relative poses, by record.
+
+    Args:
+        mechanism, q, v: the mechanism and its states, (n, nv).
+        stretches: as of `phase_stretches`.
+        more: pairs of frames beside those of joints with clearance, loops and locks.
+        trees: keeps the trees of the phases, by row.
+
+    Returns:
+        `position`, `velocity`, `orientation` and `spin` of the tool, `kinetic` and `potential`
+        energy; and of each pair of frames, by its name, `bearings`, the orientation of the first
+        (n, 3, 3), and `poses`, those of the second in the first (n, 12).
     """
     names: list[Any] = list(dict.fromkeys([*mechanism.clearance, *mechanism.loops]))
     pairs = [mechanism.frames(name) for name in names]
@@ -372,7 +397,9 @@ def kinematics(
 
 
 def loop_drift(mechanism: Mechanism, name: str, poses: np.ndarray) -> np.ndarray:
-    """Largest `misfit` of an ideal loop or a lock, by the journal's poses (n, 12): (n,) [m]."""
+    """Gap of an ideal loop or a lock, its largest `misfit`, at poses (n, 12) of the journal, (n,)
+    [m].
+    """
     parts = [poses[:, :3]]
     if name not in mechanism.loops:
         parts.append(ANGLE_ARM_M * poses[:, [5, 8, 6]])
@@ -382,14 +409,9 @@ def loop_drift(mechanism: Mechanism, name: str, poses: np.ndarray) -> np.ndarray
 
 
 def contact_variables(
-    mechanism: Mechanism,
-    records: Records,
-    body: Mapping[str, Any],
-    only: Collection[str] = HISTORIES,
+    mechanism: Mechanism, records: Records, body: Mapping[str, Any], only: Collection[str]
 ) -> tuple[Variables, np.ndarray]:
-    """Variables of the joints with clearance that are in `only`, and the energy stored in their
-    contacts.
-    """
+    """Variables of the joints with clearance that are in `only`, and their contacts' energy."""
     n, nj = records.rows, len(mechanism.clearance)
     names = contact_names(mechanism)
     mode, form = np.empty((n, nj), np.int8), np.empty((n, nj), np.int8)
@@ -406,7 +428,7 @@ def contact_variables(
             gap[:, j, at], mode[:, j], form[:, j] = classify_many(
                 int(joint.shape), np.array(joint.dimensions), count, poses
             )
-        else:
+        else:  # rolling elements or springs: their law answers for the whole joint
             cage[:, j] = records.recorded("cage")[:, j]
             answers = elastic.answers(joint.law, joint.resultant, poses, cage[:, j])
             gap[:, j, at[0]], loaded[:, j] = (
@@ -417,6 +439,7 @@ def contact_variables(
             form[:, j] = -1
             moment[:, j] = np.einsum("nik,nk->ni", body["bearings"][name], answers[:, 3:6])
             stored += answers[:, resultant.ENERGY]
+        # Elastic energy, once for all contacts of the same properties.
         groups: dict[Any, list[int]] = {}
         for k in range(count if joint.resultant is None else 0):
             groups.setdefault(joint.contact_properties(k), []).append(at[k])
@@ -437,7 +460,7 @@ def contact_variables(
 def _journals(
     mechanism: Mechanism, body: Mapping[str, Any], only: Collection[str]
 ) -> dict[str, np.ndarray]:
-    """Where the journals are, and how far they tilt."""
+    """Centres and tilts of the journals."""
     poses = [body["poses"][name] for name in mechanism.clearance]
     histories = {}
     if "journal_centre" in only:
@@ -454,16 +477,16 @@ _BY_CONTACT = {
     "normal_force_peak": "normal_peak",
     "friction_force": "tangential",
 }
-"""Histories by contact, and the recorded quantities that they are."""
+"""Histories by contact, and the recorded quantity of each."""
 
 _TURNED = {"joint_force": "force", "joint_force_peak": "force_peak", "film_force": "film_force"}
-"""Histories in the world's axes, and the quantities that are recorded in the bearings'."""
+"""Histories in world axes, and the quantities that are recorded in the bearings' axes."""
 
 
 def _recorded_contacts(
     mechanism: Mechanism, records: Records, body: Mapping[str, Any], only: Collection[str]
 ) -> dict[str, np.ndarray]:
-    """What the kernel has recorded of the contacts, in the shape of results."""
+    """Recorded quantities of the contacts, in the shape and axes of results."""
     names, joints = contact_names(mechanism), mechanism.clearance
     histories = {}
     for name in _BY_CONTACT.keys() & set(only):
@@ -491,7 +514,7 @@ def applied_effort(
     friction: Mapping[str, JointFriction],
     loads: np.ndarray,
 ) -> np.ndarray:
-    """What drives, `loads`, gears and friction push on the coordinates, shape (n, nv).
+    """Efforts of drives, `loads`, gears and joint friction on the coordinates, shape (n, nv).
 
     Friction of gears is left out: it acts on motors, which have no mass to be moved.
     """
@@ -521,8 +544,8 @@ def reactions(
 ) -> np.ndarray:
     """Constraint forces at the joints of an ideal mechanism, world axes (n, joints, 3) [N].
 
-    The joints of the tree come first, then those that close loops, which `constraints` hold in each
-    of the stretches. `bodies` and `wrenches` are those of `BoundLoads.pushes`.
+    The joints of the tree come first, then those that close loops: `constraints` holds these in
+    each of the stretches. `bodies` and `wrenches` are those of `BoundLoads.pushes`.
     """
     tree, loops = mechanism.joints, list(mechanism.loops)
     forces = np.zeros((len(q), len(tree) + len(loops), 3))

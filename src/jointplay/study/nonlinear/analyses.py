@@ -1,4 +1,4 @@
-"""Analyses of settled motion by kind: what of a scenario is computed, and what it tells."""
+"""Analyses of settled motion, by kind: bifurcation diagram, Poincaré map, exponents, basin, ..."""
 
 from __future__ import annotations
 
@@ -30,11 +30,12 @@ TURNS = {
     "runup": (10, 200),
     "basin": (60, 30),
 }
-"""Kinds of analyses: turns that settle, and turns that are looked at; see `CYCLES`."""
+"""Kinds of analyses, each with its default numbers of settling turns and of observed turns, for
+cranks at constant speed."""
 CYCLES = (1, 8)
-"""The same of motions other than cranks at constant speed."""
+"""These numbers for other motions."""
 OVER_VALUES = ("bifurcation", "waterfall", "runup")
-"""Kinds that are of several values of a key; a Lyapunov exponent may be."""
+"""Kinds that need several values of a key; a Lyapunov exponent may have them."""
 MOST_NAMES = {
     "poincare": 2,
     "bifurcation": 1,
@@ -43,16 +44,16 @@ MOST_NAMES = {
     "lyapunov": 0,
     "basin": 0,
 }
-"""Quantities that a kind takes, if not any number."""
+"""Most quantities that a kind takes, unless any number."""
 NEAR = 1e-2
-"""Points of a section are the same if they are nearer than this part of all points' range."""
+"""Points of a section count as the same if nearer than this part of the range of all points."""
 MOST_PLOTTED = 1500
-"""Points of a recurrence plot."""
+"""Most points of a recurrence plot."""
 
 
 @dataclass(frozen=True)
 class Findings:
-    """What an analysis found, as a figure of `show.plots.nonlinear` shows it."""
+    """The result of an analysis, as arguments of a figure of `show.plots.nonlinear`."""
 
     figure: str
     """Name of the function that draws it."""
@@ -88,24 +89,24 @@ class Analysis:
         joint: str | None = None,
         grid: int = 21,
     ) -> Analysis:
-        """What is to be analysed.
+        """Plan an analysis, and check that it can be made.
 
         Args:
-            scenario, case: what moves.
+            scenario, case: the scenario and its case.
             kind: one of `TURNS`.
-            varied: a key and its values, of the kinds `OVER_VALUES`.
+            varied: a key and its values, for the kinds `OVER_VALUES`.
             names: quantities, see `observables.names`; none: those usual for the kind.
-            leave_out, keep: turns that are left out at the start, and turns that are looked at.
-            phase: where in the turn a section is, in turns.
-            records: in a turn.
+            leave_out, keep: settling turns at the start, and turns that are observed.
+            phase: phase of the section in the turn, in turns.
+            records: records in a turn.
             orders: largest order of spectra.
-            window: turns of a spectrum in a run-up.
-            threshold: distance that counts as near in a recurrence, as a share of all distances.
-            joint: whose journal starts off centre, of a basin.
+            window: turns of each spectrum in a run-up.
+            threshold: distance that counts as near in a recurrence plot, relative to the largest.
+            joint: joint whose journal starts off centre, for a basin.
             grid: starting positions of a basin along each of x and y.
 
         Raises:
-            JointplayError: what does not go together, or a motion that does not repeat itself.
+            JointplayError: arguments that do not go together, or a motion that does not repeat.
             MissingName: no such kind, case, joint or quantity.
         """
         require_known("kind of study", kind, TURNS)
@@ -113,6 +114,7 @@ class Analysis:
             raise JointplayError(f"{kind} needs --vary KEY=FROM:TO:COUNT")
         if varied is not None and kind not in (*OVER_VALUES, "lyapunov"):
             raise JointplayError(f"{kind} takes no --vary: it analyses a single motion")
+        # A provisional observation, whose simulation tells what is usual for it.
         study = Observation(scenario, case, 0, 1, records, phase, (), varied, orders, joint or "")
         simulation = study.simulation(None if varied is None else varied.values[0])
         mechanism, motion = simulation.mechanism, simulation.motion
@@ -132,6 +134,7 @@ class Analysis:
             observables.check(name, mechanism)
         if not 0.0 <= phase < 1.0:
             raise JointplayError(f"--phase must be in [0, 1) turns, got {phase:g}")
+        # What else may be wrong arises where the runs are planned.
         if varied is not None and kind == "runup":
             study = replace(study, window=window)
             study.run_up().windows(len(varied.values), study.window)
@@ -146,11 +149,11 @@ class Analysis:
         progress: bool = False,
         say: Callable[[str], object] = print,
     ) -> Findings:
-        """Compute what the folder has not yet; its table is there as ``KIND.csv``.
+        """Compute the rows that the folder lacks, write their table ``KIND.csv``, and evaluate it.
 
         Args:
             folder, jobs, progress: see `rows.rows`.
-            say: takes what was found, a line each.
+            say: called with each line that tells the findings.
 
         Raises:
             JointplayError: no run was completed; see `rows.rows`.
@@ -167,7 +170,7 @@ class Analysis:
         work: Callable[[Key], np.ndarray],
         keys: Sequence[Key],
     ) -> np.ndarray:
-        """Numbers for each key, found or read; failures are said."""
+        """Rows of numbers for the keys, computed or read; tells how many, and which failed."""
         table = folder / f"{self.kind}.csv"
         inputs = {"kind": self.kind, **self.study.inputs()}
         numbers, computed, failures = rows(table, inputs, columns, work, keys, jobs, progress)
@@ -195,7 +198,7 @@ class Analysis:
 
     @property
     def sampling(self) -> str:
-        """How points were sampled, for a caption."""
+        """How points were sampled: a caption."""
         study = self.study
         base = f" Other keys as in case {study.case}." if study.case else ""
         changed = ", ".join(setting_texts(study.scenario.settings))
@@ -222,7 +225,7 @@ class Analysis:
         return [observables.label(name, mechanism) for name in self.study.names]
 
     def per_turn(self, *names: str) -> list[str]:
-        """Columns of a table: these in each turn that is looked at."""
+        """Names of columns: these quantities in each observed turn."""
         first, end = self.study.leave_out + 1, self.study.end
         return [f"{name} turn {k}" for k in range(first, end + 1) for name in names]
 
@@ -230,7 +233,7 @@ class Analysis:
 def _names(
     kind: str, requested: tuple[str, ...], simulation: Simulation, joint: str
 ) -> tuple[str, ...]:
-    """Quantities that are looked at: those asked for, or those usual for the kind."""
+    """Quantities to observe: those requested, or those usual for the kind."""
     if len(requested) > (limit := MOST_NAMES.get(kind, len(requested))):
         raise JointplayError(f"{kind} takes {limit or 'no'} --of, got {len(requested)}")
     clearance, first = simulation.mechanism.clearance, observables.usual(simulation.mechanism)
@@ -254,12 +257,13 @@ def _names(
 
 
 Rows = Callable[[Sequence[str], Callable[[Key], np.ndarray], Sequence[Key]], np.ndarray]
-"""Gives numbers by columns, what finds a row, and its values, shape (values, columns)."""
+"""Function of column names, the function that computes a row, and keys, which returns the rows,
+shape (keys, columns): `Analysis._rows`."""
 Say = Callable[[str], object]
 
 
 def _bifurcation(job: Analysis, rows: Rows, say: Say) -> Findings:
-    """A quantity once a turn over the values of a key."""
+    """Bifurcation diagram: a quantity once a turn over the values of a key."""
     samples = rows(job.per_turn(job.study.names[0]), job.study.section, job.keys)
     near = NEAR * float(np.nanmax(samples) - np.nanmin(samples))
     good = [row for row in samples if np.isfinite(row).all()]
@@ -283,7 +287,7 @@ def _bifurcation(job: Analysis, rows: Rows, say: Say) -> Findings:
 
 
 def _section(job: Analysis, rows: Rows, say: Say) -> Findings:
-    """Two quantities once a turn against each other."""
+    """Poincaré map: two quantities once a turn against each other."""
     points = rows(job.per_turn(*job.study.names), job.study.section, [()]).reshape(-1, 2)
     spread = np.ptp(points, axis=0)
     scaled = points / np.maximum(np.abs(points).max(axis=0), 1e-300)
@@ -299,7 +303,7 @@ def _section(job: Analysis, rows: Rows, say: Say) -> Findings:
 
 
 def _exponents(job: Analysis, rows: Rows, say: Say) -> Findings:
-    """The largest exponent, or one for each value of a key."""
+    """Largest Lyapunov exponent, for each value of a key if one varies."""
     growths = rows(job.per_turn("growth 1/s"), job.study.growth, job.keys)
     estimates = [lyapunov.exponent(row, 1.0) if np.isfinite(row).all() else None for row in growths]
     if job.study.varied is None:
@@ -317,7 +321,7 @@ def _exponents(job: Analysis, rows: Rows, say: Say) -> Findings:
 
 
 def _recurrence(job: Analysis, rows: Rows, say: Say) -> Findings:
-    """When the motion comes back to where it has been."""
+    """Recurrence plot: the times at which the motion comes back to where it has been."""
     stride = max(-(-job.study.keep * job.study.records // MOST_PLOTTED), 1)
     study = replace(job.study, every=stride)
     number = -(-study.keep * study.records // stride)
@@ -331,7 +335,7 @@ def _recurrence(job: Analysis, rows: Rows, say: Say) -> Findings:
 
 
 def _turns(job: Analysis, rows: Rows, say: Say) -> Findings:
-    """Quantities over turns, beside the ideal mechanism's."""
+    """Histories of quantities over turns, beside those of the ideal mechanism."""
     study = job.study
     number = study.keep * study.records + 1
     columns = [f"{machine} {name} record {k}" for machine in ("clearance", "ideal")
@@ -347,7 +351,7 @@ def _turns(job: Analysis, rows: Rows, say: Say) -> Findings:
 
 
 def _waterfall(job: Analysis, rows: Rows, say: Say) -> Findings:
-    """Spectra over the values of a key."""
+    """Waterfall diagram: order spectra over the values of a key."""
     study = job.study
     order = study.orders(study.keep)
     columns = [f"{study.names[0]} order {value:.6g}" for value in order]
@@ -363,7 +367,7 @@ def _waterfall(job: Analysis, rows: Rows, say: Say) -> Findings:
 
 
 def _run_up(job: Analysis, rows: Rows, say: Say) -> Findings:
-    """Spectra while the speed rises."""
+    """Run-up: order spectra while the speed rises."""
     study, number = job.study, len(job.varied.values)
     order = study.orders(study.window)
     columns = [
@@ -391,8 +395,9 @@ def _run_up(job: Analysis, rows: Rows, say: Say) -> Findings:
 
 
 def _basin(job: Analysis, rows: Rows, say: Say) -> Findings:
-    """On which orbit the motion ends, over where a journal starts."""
+    """Basins of attraction: the orbit on which the motion ends, over the journal's start."""
     study = job.study
+    # Starts on a square grid, within the ellipse that the journal can reach.
     reach = np.array(start_travel(study.simulation(), study.joint))
     steps = (np.arange(job.grid) + 0.5) * 2.0 / job.grid - 1.0
     starts = [(float(reach[0] * x), float(reach[1] * y)) for x in steps for y in steps
@@ -400,7 +405,7 @@ def _basin(job: Analysis, rows: Rows, say: Say) -> Findings:
     points = rows(job.per_turn(*(f"{name} m" for name in study.names)), study.section_from, starts)
     sections = points.reshape(len(starts), study.keep, 2)
     good = np.isfinite(points).all(axis=1)
-    labels = np.full(len(starts), -2)
+    labels = np.full(len(starts), -2)  # failed runs; -1: does not repeat itself
     labels[good], orbits = poincare.attractors(list(sections[good]), NEAR * float(reach.max()))
     for k, orbit in enumerate(orbits):
         share = np.count_nonzero(labels == k) / len(starts)

@@ -1,8 +1,9 @@
-"""Largest Lyapunov exponent: how fast neighbouring motions part.
+"""Largest Lyapunov exponent: the rate at which neighbouring motions part.
 
 G. Benettin, L. Galgani, A. Giorgilli, J.-M. Strelcyn, Lyapunov characteristic exponents for smooth
-dynamical systems, Meccanica 15 (1980) 9-20: two trajectories, put back to their first distance at
-even intervals, in the direction in which they have parted.
+dynamical systems, Meccanica 15 (1980) 9-20: two trajectories are followed; at even intervals the
+second is put back to the initial distance from the first, in the direction in which it has parted.
+The exponent is the mean logarithm of the growth of the distance, over the interval.
 """
 
 from __future__ import annotations
@@ -22,26 +23,26 @@ from jointplay.simulation.simulation import Simulation
 from jointplay.study.nonlinear.steady_motion import check_base
 
 APART = 1e-9
-"""Distance of the two trajectories at the start of an interval [m]."""
+"""Distance of the two trajectories at the start of an interval, in the norm of `_weights` [m]."""
 WEIGHT_OF_ANGLES = 1e-2
-"""What an angle counts [m/rad]: a journal's radius."""
+"""Weight of an angle in the norm of states: a journal's radius [m/rad]."""
 WEIGHT_OF_SPEEDS = 1e-3
-"""What a speed counts [s]."""
+"""Weight of a speed in the norm of states [s]."""
 
 
 @dataclass(frozen=True)
 class Exponent:
-    """An estimate of the largest exponent."""
+    """Estimate of the largest exponent, with its confidence interval."""
 
     value: float
-    """[1/s], or by the unit of the interval."""
+    """The exponent [1/s], or per unit of the interval."""
     low: float
     high: float
-    """Ends of the interval of confidence."""
+    """Ends of the confidence interval."""
     confidence: float
-    """Its probability."""
+    """Confidence level of the interval."""
     groups: int
-    """Means that it was found from."""
+    """Number of group means from which the interval is found."""
 
     @property
     def verdict(self) -> str:
@@ -59,18 +60,18 @@ class Exponent:
 def exponent(
     growths: np.ndarray, interval: float, confidence: float = 0.95, groups: int = 10
 ) -> Exponent:
-    """The exponent, with Student's interval of the means of consecutive groups of growths.
+    """The exponent, with Student's confidence interval from means of consecutive groups of growths.
 
-    Growths that follow each other depend on each other; means of long groups hardly do.
+    Successive growths are correlated; the means of long groups hardly are (batch means).
 
     Args:
         growths: logarithm of the growth in each interval, settled, shape (n,).
-        interval: its length [s].
-        confidence: probability of the interval of confidence.
+        interval: length of an interval [s].
+        confidence: confidence level.
         groups: most groups.
 
     Raises:
-        JointplayError: fewer than 3 growths, or numbers that make no sense.
+        JointplayError: fewer than 3 growths, or numbers out of range.
     """
     from scipy import stats
 
@@ -94,17 +95,17 @@ def growths(
     distance: float = APART,
     seed: int = 0,
 ) -> np.ndarray:
-    """Growth of a small difference in each interval, for a plain map or flow.
+    """Logarithm of the growth of a small difference in each interval, for any map or flow.
 
     Args:
-        advance: from the state at the begin of an interval to that at its end.
-        state: at the start, shape (d,).
-        number: intervals.
-        apart: distance at the start of an interval.
-        seed: of the first direction.
+        advance: function of the state at the beginning of an interval that returns that at its end.
+        state: state at the start, shape (d,).
+        number: number of intervals.
+        distance: distance of the two trajectories at the start of an interval.
+        seed: seed of the first direction.
 
     Returns:
-        Logarithms, shape (number,).
+        shape (number,).
     """
     number, seed = require_whole("number", number, 1), require_whole("seed", seed)
     distance = require_positive("apart", distance, "")
@@ -116,7 +117,7 @@ def growths(
         first, second = advance(first), advance(second)
         difference = second - first
         logarithms[k] = math.log(max(float(np.linalg.norm(difference)), 1e-300) / distance)
-        if not difference.any():  # has died within rounding: any direction is as good
+        if not difference.any():  # died within rounding: any direction is as good
             difference = np.random.default_rng(k).normal(size=first.shape)
     return logarithms
 
@@ -124,16 +125,16 @@ def growths(
 def stretching(
     simulation: Simulation, interval: float, prepare: Callable[[Run], None] | None = None
 ) -> np.ndarray:
-    """Logarithm of how far two runs part in each interval, shape (intervals,).
+    """Logarithm of the growth of the distance between two runs in each interval, (intervals,).
 
-    The second is put back to the distance `APART` from the first after each interval; what its
-    contacts remember of their approach is put back alike. Coordinates with prescribed motion have
-    no neighbours, and ideal loops stay closed.
+    After each interval the second run is put back to the distance `APART` from the first, and the
+    approach speeds that its contacts remember likewise. Coordinates with prescribed motion do not
+    differ, and ideal loops stay closed.
 
     Args:
-        simulation: runs to its end.
-        interval: a whole number of its steps [s].
-        place: changes the state of each run before it begins.
+        simulation: the simulation, run to its end.
+        interval: length of an interval, a whole number of steps [s].
+        prepare: changes the state of each run before it begins.
 
     Raises:
         JointplayError: a run failed, or the base is free.
@@ -146,8 +147,8 @@ def stretching(
         run.begin()
     first, second = (run.workspace for run in runs)
     scale, free = _weights(runs[0])
-    of_angles = np.tile(scale[: len(scale) // 2], 2)
-    difference = np.random.default_rng(0).normal(size=len(scale)) / of_angles
+    of_positions = np.tile(scale[: len(scale) // 2], 2)
+    difference = np.random.default_rng(0).normal(size=len(scale)) / of_positions
     logarithms = []
     steps = round(interval / simulation.step)
     for _ in range(round(runs[0].total_steps / steps)):
@@ -155,6 +156,8 @@ def stretching(
         factor = APART / np.linalg.norm(scale * difference)
         state = np.concatenate([first.q, first.v]) + factor * difference
         second.q[:], second.v[:] = np.split(state, 2)
+        # Contacts that touch in both runs keep their part of the difference in approach speed;
+        # all else that they remember is that of the first run.
         contacts = first.contacts.copy()
         shared = (contacts["steps"] > 0) & (second.contacts["steps"] > 0)
         shift = second.contacts["ddelta0"] - contacts["ddelta0"]
@@ -170,7 +173,7 @@ def stretching(
 
 
 def _weights(run: Run) -> tuple[np.ndarray, np.ndarray]:
-    """What each part of a state counts, and 1 where it may have a neighbour, shape (2 nv,)."""
+    """Weights of the state's components in its norm, and 1 where they are free, else 0; (2 nv,)."""
     mechanism, simulation = run.mechanism, run.simulation
     lengths = np.array([unit_of(mechanism, name) == "m" for name in mechanism.coordinates])
     weights = np.where(lengths, 1.0, WEIGHT_OF_ANGLES)
@@ -185,7 +188,7 @@ def _weights(run: Run) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _allowed(run: Run, difference: np.ndarray) -> np.ndarray:
-    """The part of a difference that keeps ideal loops closed."""
+    """Projection of a difference of states onto those that keep ideal loops closed."""
     mechanism = run.mechanism
     closed = set(mechanism.loops) - set(mechanism.clearance)
     if not closed and not mechanism.locks:

@@ -12,11 +12,11 @@ TOOL = "tool"
 _OF_TOOL = dict.fromkeys(AXES, "m") | {"speed": "m/s", "acceleration": "m/s²"}
 _OF_JOURNALS = dict.fromkeys(AXES, "m") | {"eccentricity": "m", "force": "N"}
 _OF_JOINTS = ("position", "speed", "acceleration", "moment")
-"""Quantities, with their units where these do not depend on the joint."""
+"""Quantities of the tool, journals and joints, with units where the kind of joint decides none."""
 
 
 def names(mechanism: Mechanism) -> list[str]:
-    """What can be observed of a mechanism: ``THING.QUANTITY``."""
+    """Names of all quantities of a mechanism: ``JOINT.QUANTITY`` or ``tool.QUANTITY``."""
     observables = [
         f"{joint}.{quantity}" for joint in mechanism.clearance for quantity in _OF_JOURNALS
     ]
@@ -25,11 +25,11 @@ def names(mechanism: Mechanism) -> list[str]:
 
 
 def check(name: str, mechanism: Mechanism) -> None:
-    """Refuse a quantity that there is not, or twice.
+    """Raise an error if a name is not that of exactly one quantity.
 
     Raises:
-        MissingName: there is none.
-        JointplayError: it could be of the tool or of a joint of that name.
+        MissingName: there is no such quantity.
+        JointplayError: it could be of the tool or of a joint named like it.
     """
     quantities = names(mechanism)
     require_known("quantity", name, quantities)
@@ -53,13 +53,15 @@ def unit(name: str, mechanism: Mechanism) -> str:
 
 
 def label(name: str, mechanism: Mechanism) -> str:
-    """For an axis of a figure."""
+    """Label of a quantity on an axis of a figure."""
     subject, _, quantity = name.rpartition(".")
     return f"{quantity} of {subject} [{unit(name, mechanism)}]"
 
 
 def usual(mechanism: Mechanism) -> str:
-    """What is looked at if nobody says: a slider's acceleration, else a journal's eccentricity."""
+    """Default quantity: the acceleration of the only slider in a mechanism with loops, else the
+    eccentricity of the first journal, else the tool's speed.
+    """
     sliders = [name for name in mechanism.joints if mechanism.description.joints[name].slides]
     if len(sliders) == 1 and mechanism.loops:
         return f"{sliders[0]}.acceleration"
@@ -69,25 +71,36 @@ def usual(mechanism: Mechanism) -> str:
 
 
 def observe(result: Result, name: str) -> np.ndarray:
-    """A quantity of a run, by record, shape (n,); `unit` has its unit.
+    """History of a quantity in a run, shape (n,); for its unit see `unit`.
 
-    ``JOINT.x``, ``y``, ``z`` and ``eccentricity`` are the journal's centre in its bearing [m],
-    ``JOINT.force`` the size of the joint's force [N]; ``position``, ``speed``, ``acceleration`` and
-    ``moment`` (the drive's, N m, or its force, N) those of a moving joint; ``tool.x`` and so on
-    [m], and the sizes of ``tool.speed`` and ``tool.acceleration``. An acceleration is the central
-    difference of recorded speeds: it is a mean over two record intervals.
+    ``JOINT.x``, ``y``, ``z`` and ``eccentricity`` are those of the journal's centre in its bearing,
+    ``JOINT.force`` is the magnitude of the joint's force; ``position``, ``speed``, ``acceleration``
+    and ``moment`` (the drive's moment or force) are those of a moving joint; ``tool.x`` and so on
+    are the tool's position, ``tool.speed`` and ``tool.acceleration`` magnitudes. An acceleration is
+    the central difference of recorded speeds, and so a mean over two record intervals.
 
     Raises:
         MissingName: no such quantity.
-        JointplayError: it could be of the tool or of a joint of that name.
+        JointplayError: it could be of the tool or of a joint named like it.
     """
     mechanism = result.simulation.mechanism
     check(name, mechanism)
     subject, _, quantity = name.rpartition(".")
     if subject == TOOL and quantity in _OF_TOOL:
-        return _of_tool(result, quantity)
+        if quantity in AXES:
+            return np.asarray(result["tool_position"].values[:, AXES.index(quantity)])
+        velocity = result["tool_velocity"].values
+        if quantity == "acceleration":
+            velocity = np.gradient(velocity, result.time, axis=0, edge_order=2)
+        return np.asarray(np.linalg.norm(velocity, axis=1))
     if quantity in _OF_JOURNALS and subject in result.joints:
-        return _of_journal(result, subject, quantity)
+        index = result.joints.index(subject)
+        if quantity == "force":
+            return np.asarray(np.linalg.norm(result["joint_force"].values[:, index], axis=1))
+        centre = result["journal_centre"].values[:, index]
+        if quantity == "eccentricity":
+            return np.asarray(np.hypot(*centre[:, :2].T))
+        return np.asarray(centre[:, AXES.index(quantity)])
     column = mechanism.coordinate(subject)
     if quantity == "moment":
         return np.asarray(result["drive"].values[:, mechanism.motor(subject)])
@@ -95,22 +108,3 @@ def observe(result: Result, name: str) -> np.ndarray:
     if quantity == "acceleration":
         history = np.gradient(history, result.time, edge_order=2)
     return history
-
-
-def _of_tool(result: Result, quantity: str) -> np.ndarray:
-    if quantity in AXES:
-        return np.asarray(result["tool_position"].values[:, AXES.index(quantity)])
-    velocity = result["tool_velocity"].values
-    if quantity == "acceleration":
-        velocity = np.gradient(velocity, result.time, axis=0, edge_order=2)
-    return np.asarray(np.linalg.norm(velocity, axis=1))
-
-
-def _of_journal(result: Result, joint: str, quantity: str) -> np.ndarray:
-    index = result.joints.index(joint)
-    if quantity == "force":
-        return np.asarray(np.linalg.norm(result["joint_force"].values[:, index], axis=1))
-    centre = result["journal_centre"].values[:, index]
-    if quantity == "eccentricity":
-        return np.asarray(np.hypot(*centre[:, :2].T))
-    return np.asarray(centre[:, AXES.index(quantity)])

@@ -1,4 +1,4 @@
-"""Poincare sections: a motion looked at once a turn, and how many turns it takes to repeat."""
+"""Poincaré sections: a motion sampled once a turn, its period in turns, and its recurrence."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from jointplay.base.errors import (
 
 
 def once_per_turn(values: np.ndarray, per_turn: int, phase: float = 0.25) -> np.ndarray:
-    """Samples of a record, one a turn.
+    """Samples of a history, one a turn.
 
     Args:
-        values: records at even intervals from the begin of a turn on, shape (n, ...).
+        values: records at even intervals from the beginning of a turn on, shape (n, ...).
         per_turn: records in a turn.
-        phase: where in the turn, in [0, 1); to the nearest record.
+        phase: phase of the samples in the turn, in [0, 1); rounded to the nearest record.
 
     Raises:
-        JointplayError: no such phase.
+        JointplayError: a phase out of range.
     """
     per_turn = require_whole("per_turn", per_turn, 1)
     if not 0.0 <= require_finite("phase", phase, "") < 1.0:
@@ -31,12 +31,12 @@ def once_per_turn(values: np.ndarray, per_turn: int, phase: float = 0.25) -> np.
 
 
 def repeats_after(points: np.ndarray, tolerance: float, most: int | None = None) -> int | None:
-    """The smallest number of turns after which all points of a section come again.
+    """Period of a section: the smallest number of turns after which all its points repeat.
 
-    1 for a motion of the drive's period, 2 after a period doubling, and so on.
+    It is 1 for a motion with the drive's period, 2 after a period doubling, and so on.
 
     Args:
-        points: one a turn, in order, shape (n,) or (n, d).
+        points: one point for each turn, in order, shape (n,) or (n, d).
         tolerance: largest distance of points that count as the same, in units of `points`.
         most: longest period sought; None: a third of the points, so that each is seen three times.
 
@@ -58,7 +58,7 @@ def repeats_after(points: np.ndarray, tolerance: float, most: int | None = None)
 def attractors(
     sections: list[np.ndarray], tolerance: float, most: int | None = None
 ) -> tuple[np.ndarray, list[np.ndarray]]:
-    """Tell motions apart by their sections: equal labels for those that end on the same orbit.
+    """Assign motions to periodic orbits by their sections.
 
     Args:
         sections: for each motion its points once a turn, settled, shape (n, d).
@@ -86,6 +86,7 @@ def attractors(
 
 
 def _coincide(first: np.ndarray, second: np.ndarray, tolerance: float) -> bool:
+    """Whether two orbits have the same points, in whatever order (Hausdorff distance)."""
     if len(first) != len(second):
         return False
     distances = np.linalg.norm(first[:, None] - second[None], axis=2)
@@ -93,7 +94,7 @@ def _coincide(first: np.ndarray, second: np.ndarray, tolerance: float) -> bool:
     return bool(max(distances.min(axis=0).max(), distances.min(axis=1).max()) <= 2.0 * tolerance)
 
 
-# Recurrence plots: when a motion comes back to where it has been.
+# Recurrence plots: the times at which a motion comes back to where it has been.
 #
 # J.-P. Eckmann, S. Oliffson Kamphorst, D. Ruelle, Recurrence plots of dynamical systems,
 # Europhys. Lett. 4 (1987) 973-977; measures: N. Marwan et al., Phys. Rep. 438 (2007) 237-329, eqs
@@ -101,15 +102,15 @@ def _coincide(first: np.ndarray, second: np.ndarray, tolerance: float) -> bool:
 
 
 MOST = 4000
-"""Most points of a plot: its matrix has their square."""
+"""Most points of a plot, whose matrix has the square of that."""
 
 
 def recurrence(points: np.ndarray, threshold: float = 0.1) -> np.ndarray:
-    """Which pairs of points are near each other, shape (n, n), boolean.
+    """Recurrence matrix: whether each pair of points is near each other, (n, n), boolean.
 
     Args:
-        points: at even intervals, shape (n,) or (n, d); each column is divided by its standard
-            deviation first, unless it does not vary.
+        points: points of the motion at even intervals, shape (n,) or (n, d); each column is first
+            divided by its standard deviation, unless that is 0.
         threshold: largest distance of near points, relative to the largest of all distances.
 
     Raises:
@@ -128,15 +129,16 @@ def recurrence(points: np.ndarray, threshold: float = 0.1) -> np.ndarray:
 
 
 def rate(near: np.ndarray) -> float:
-    """Share of the pairs of different points that are near."""
+    """Recurrence rate: the share of the pairs of different points that are near."""
     n = len(near)
     return float((near.sum() - np.trace(near)) / (n * (n - 1)))
 
 
 def determinism(near: np.ndarray, shortest: int = 2) -> float:
-    """Share of the near points that lie on diagonals of at least `shortest` points.
+    """Determinism: the share of the near points that lie on diagonals of at least `shortest`.
 
-    1 for periodic motion, low for noise; chaos lies between. The main diagonal does not count.
+    It is 1 for periodic motion and low for noise; chaos lies between. The main diagonal does not
+    count.
     """
     shortest = require_whole("shortest", shortest, 1)
     near_points = aligned = 0

@@ -1,4 +1,4 @@
-"""Studies of nonlinear dynamics as rows of numbers, kept once they are found."""
+"""Observations of steady motion as rows of numbers, one for each value, kept in a file."""
 
 from __future__ import annotations
 
@@ -29,9 +29,9 @@ from jointplay.study.runs import Runs
 from jointplay.study.study import Study
 
 Key = tuple[float, ...]
-"""Values that a row is of: of the key that varies, or where a journal starts."""
+"""Key of a row: the value of the key that varies, or the journal's starting position (x, y)."""
 PIECES = 20
-"""Intervals in a turn after which neighbours are put back to each other."""
+"""Intervals of a turn in the computation of Lyapunov exponents."""
 
 
 @dataclass(frozen=True)
@@ -44,10 +44,10 @@ class Varied:
 
     @classmethod
     def parse(cls, text: str) -> Varied:
-        """As ``KEY=FROM:TO:COUNT``, a unit behind it: ``motion.speeds.crank=100:5000:400 rpm``.
+        """Read ``KEY=FROM:TO:COUNT UNIT``, such as ``motion.speeds.crank=100:5000:400 rpm``.
 
         Raises:
-            JointplayError: it reads otherwise.
+            JointplayError: the text has another form.
         """
         usage = (
             "--vary KEY=FROM:TO:COUNT and a unit, such as "
@@ -62,7 +62,7 @@ class Varied:
             raise misread(text, usage) from None
         if count < 1 or not np.isfinite(high - low):
             raise misread(text, usage)
-        parse(f"{key}=0")  # is it a key?
+        parse(f"{key}=0")  # raises if it is not a key
         values = np.linspace(low, high, count)
         return cls(key, tuple(float(f"{value:.12g}") for value in values), unit.strip())
 
@@ -72,7 +72,7 @@ class Varied:
 
     @property
     def label(self) -> str:
-        """For an axis of a figure: ``radial clearance of piston_pin [mm]``."""
+        """Label of a figure's axis: ``radial clearance of piston_pin [mm]``."""
         return f"{self.quantity} [{self.unit or 'SI unit'}]"
 
     @property
@@ -86,36 +86,36 @@ class Varied:
 
 @dataclass(frozen=True)
 class Observation:
-    """What is simulated, and for how long; makes the rows."""
+    """What is simulated and observed, and for how long; its methods compute the rows."""
 
     scenario: Scenario
     case: str | None
     leave_out: int
-    """Turns at the start that are not looked at."""
+    """Settling turns at the start, which are not observed."""
     keep: int
-    """Turns that are."""
+    """Observed turns."""
     records: int
-    """In a turn."""
+    """Records in a turn."""
     phase: float
-    """Where in the turn a section is, in turns."""
+    """Phase of the section in the turn, in turns."""
     names: tuple[str, ...]
-    """Quantities."""
+    """Observed quantities."""
     varied: Varied | None = None
     highest: float = 20.0
     """Largest order of spectra."""
     joint: str = ""
-    """Whose journal is put aside at the start."""
+    """Joint whose journal is displaced at the start."""
     every: int = 1
-    """Records from one point of a course to the next."""
+    """Records from one point of `course` to the next."""
     window: int = 0
-    """Turns of a spectrum in a run-up."""
+    """Turns of each spectrum in a run-up."""
 
     @property
     def end(self) -> int:
         return self.leave_out + self.keep
 
     def orders(self, turns: int) -> np.ndarray:
-        """Orders of a spectrum of so many turns, shape (m,)."""
+        """Orders of the spectrum of `turns` turns, shape (m,)."""
         highest = min(self.highest, self.records / 2)
         return np.arange(int(highest * turns + 1e-6) + 1) / turns
 
@@ -128,11 +128,12 @@ class Observation:
         return steady_motion.Turning.of(simulation, self.leave_out, self.keep, self.records)
 
     def _observed(self, simulation: Simulation, prepare: Prepare | None = None) -> np.ndarray:
+        """Quantities by record in the observed turns, shape (keep records, names)."""
         turning = self.turning(simulation)
         return turning.observed(turning.run(prepare), self.names)[:-1]
 
     def section(self, key: Key) -> np.ndarray:
-        """Quantities once a turn, turn by turn, shape (keep names,)."""
+        """Quantities once a turn, turn after turn, shape (keep names,)."""
         points = self._observed(self.simulation(*key))
         return once_per_turn(points, self.records, self.phase).ravel()
 
@@ -142,13 +143,13 @@ class Observation:
         return steady_motion.orders(first, self.keep, self.highest)[1]
 
     def run_up(self) -> RunUp:
-        """From the first of the values to the last."""
+        """The run-up from the first of the values to the last."""
         assert self.varied is not None
         slow, fast = (self.simulation(self.varied.values[k]) for k in (0, -1))
         return RunUp.of(slow, fast, self.leave_out, self.keep, self.records)
 
     def rising(self, key: Key) -> np.ndarray:
-        """Amplitudes of the first quantity in each window of a run-up, window by window."""
+        """Amplitudes of the first quantity by order in each window of a run-up, one by one."""
         assert self.varied is not None
         rising = self.run_up()
         values = rising.over_angle(rising.run(), self.names[0])
@@ -156,31 +157,31 @@ class Observation:
         return rising.spectra(values, number, self.window, self.highest)[1].ravel()
 
     def growth(self, key: Key) -> np.ndarray:
-        """Mean growth of a small difference in each turn that is looked at [1/s], shape (keep,)."""
+        """Rate of growth of a small difference in each observed turn, shape (keep,) [1/s]."""
         turning = self.turning(self.simulation(*key))
         grown = lyapunov.stretching(turning.simulation, turning.turn / PIECES)
         per_turn = grown.reshape(self.leave_out + self.keep, PIECES).sum(axis=1)
         return per_turn[self.leave_out :] / turning.turn
 
     def course(self, key: Key) -> np.ndarray:
-        """Quantities every so many records, record by record."""
+        """Quantities at every `every`-th record, record by record."""
         return self._observed(self.simulation(*key))[:: self.every].ravel()
 
     def beside_ideal(self, key: Key) -> np.ndarray:
-        """Quantities by record, then the same of the ideal mechanism."""
+        """Quantities by record, then those of the ideal mechanism."""
         turning = self.turning(self.simulation(*key))
         result = turning.run()
         ideal = ideal_simulation(result).run(check_step=False, estimate=False)
         return np.concatenate([turning.observed(r, self.names).ravel() for r in (result, ideal)])
 
     def section_from(self, key: Key) -> np.ndarray:
-        """As `section`, the journal put to (x, y) [m] at the start."""
+        """`section` of a run whose journal starts at (x, y) [m], the key."""
         centred = dataclasses.replace(self.simulation(), start="centred", seed=None)
         points = self._observed(centred, steady_motion.placing(self.joint, *key))
         return once_per_turn(points, self.records, self.phase).ravel()
 
     def inputs(self) -> dict[str, Any]:
-        """All that its rows depend on, but for their values, as plain data."""
+        """All that the rows depend on beside their keys, as plain data."""
         entries = {f.name: getattr(self, f.name) for f in dataclasses.fields(self)}
         scenario = entries.pop("scenario")
         entries |= {"text": scenario.text, "version": version("jointplay")}
@@ -200,29 +201,30 @@ def rows(
     jobs: int | None = None,
     progress: bool = False,
 ) -> tuple[np.ndarray, int, dict[Key, str]]:
-    """Numbers by value, found in processes; and their table, a CSV file that is written at the end.
+    """Compute rows of numbers in parallel, and write their table, a CSV file.
 
-    What has been found so far is in the file of the same name that ends in ``.runs``. A value that
-    fails with a `JointplayError` is kept with its message; the others go on.
+    Rows are kept as they are computed, in the file of the same name that ends in ``.runs``; those
+    that are there are not computed again. A key that fails with a `JointplayError` is kept with its
+    message, and the others continue.
 
     Args:
-        path: of the table.
-        asked: all that rows depend on but for their values, as plain data.
-        columns: names of the numbers of a row, units in them.
-        work, keys: what finds a row, and its values.
+        path: file of the table.
+        inputs: all that rows depend on beside their keys, as plain data.
+        columns: names of the numbers of a row, with units.
+        work: function of a key that returns its row.
+        keys: keys of the rows.
         jobs, progress: see `Study.outcomes`.
 
     Returns:
-        Numbers, not a number for values that failed, shape (keys, columns); how many rows were
-        missing; messages of the values that failed.
+        Numbers, shape (keys, columns), NaN where a key failed; how many rows were computed now;
+        messages of the keys that failed.
 
     Raises:
-        JointplayError: the file is there and was made for something else, or cannot be read or
-            written.
+        JointplayError: the file was made with other inputs, or cannot be read or written.
     """
     runs_file = path.with_suffix(".runs")
     if path.exists() and not runs_file.exists():
-        raise JointplayError(f"{str(path)!r} is no table of these; choose another folder")
+        raise JointplayError(f"{str(path)!r} is not of this analysis; choose another folder")
     with closing(Runs(runs_file, inputs)) as store:
         present = len(store)
         Study({key: key for key in keys}, partial(_computed, work), store).run(jobs, progress)

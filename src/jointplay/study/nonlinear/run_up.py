@@ -1,7 +1,7 @@
-"""A run-up: a crank whose speed rises evenly, and what sounds at which multiple of its speed.
+"""Run-up of a crank at constant acceleration, with order tracking.
 
-Spectra are over the crank's angle, not over time ("order tracking"), so that orders stay where they
-are while the speed rises.
+Spectra are taken over the crank's angle, not over time, so that orders, the multiples of its speed,
+stay where they are while the speed rises.
 """
 
 from __future__ import annotations
@@ -23,28 +23,27 @@ from jointplay.study.study import run_to_the_end
 
 @dataclass(frozen=True)
 class RunUp:
-    """A simulation in which the speed of all that turns rises evenly."""
+    """A simulation in which the speed of all cranks rises at a constant rate."""
 
     simulation: Simulation
-    """To be run."""
     joint: str
-    """That turns, by whose angle turns are counted."""
+    """The fastest crank, by whose angle turns are counted."""
     leave_out: int
     """Turns at the first speed."""
     turns: int
-    """Turns in which it rises."""
+    """Turns during which the speed rises."""
     records: int
-    """Of a turn, in the spectra."""
+    """Samples of a turn in the spectra."""
 
     @classmethod
     def of(
         cls, slow: Simulation, fast: Simulation, leave_out: int, turns: int, records: int
     ) -> RunUp:
-        """From the speed of one simulation to that of another, which are otherwise the same.
+        """The run-up from the speed of one simulation to that of another, which are else the same.
 
         Raises:
-            JointplayError: they have no motion at constant speed, or the same speed; numbers that
-                make no sense.
+            JointplayError: they have no motion at constant speed, the same speed, or speeds of
+                opposite direction; numbers of turns or records out of range.
         """
         check_turns(leave_out, turns, records)
         before, after = slow.motion, fast.motion
@@ -58,12 +57,14 @@ class RunUp:
                 f"{last[crank]:g} rad/s; --vary the crank's speed, such as "
                 "motion.speeds.crank_pin=1000:6000:40 rpm"
             )
+        # Steady turns at the first speed, then a ramp that takes `turns` turns of the crank.
         turn = 2.0 * math.pi
         steady = max(leave_out, 1) * turn / abs(first[crank])
         ramp = turns * turn / abs(0.5 * (first[crank] + last[crank]))
         start = before(np.zeros(1))[0][0]
         middle = start + steady * first
         positions = [start, middle, middle + 0.5 * ramp * (first + last)]
+        # Records at equal times, of which a turn has enough even at the highest speed.
         interval = turn / max(abs(first[crank]), abs(last[crank])) / records
         stride = max(math.ceil(interval / slow.step - 1e-9), 1)
         changed = dataclasses.replace(
@@ -78,7 +79,7 @@ class RunUp:
         return cls(changed, before.joints[crank], max(leave_out, 1), turns, records)
 
     def run(self) -> Result:
-        """Simulate.
+        """Simulate the run-up.
 
         Raises:
             JointplayError: the run stopped early.
@@ -86,16 +87,16 @@ class RunUp:
         return run_to_the_end(self.simulation, "the run-up")
 
     def over_angle(self, result: Result, name: str) -> np.ndarray:
-        """A quantity at equal angles of the crank in the turns of the rise, (turns records,)."""
+        """A quantity at equal angles of the crank while the speed rises, (turns records,)."""
         angle = self._angle(result.time)
         turns = self.leave_out + np.arange(self.turns * self.records) / self.records
         return np.asarray(np.interp(turns, angle, observe(result, name)))
 
     def windows(self, number: int, window: int) -> np.ndarray:
-        """First turns of `number` windows of so many turns, evenly over the rise.
+        """First turns of `number` windows of `window` turns each, evenly over the run-up.
 
         Raises:
-            JointplayError: a window longer than the rise.
+            JointplayError: a window longer than the run-up.
         """
         number = require_whole("number", number, 1)
         if not 1 <= require_whole("window", window) <= self.turns:
@@ -110,7 +111,7 @@ class RunUp:
         """Orders, and amplitudes in each of the windows, shape (number, orders).
 
         Args:
-            values: of `over_angle`.
+            values: the history that `over_angle` returns.
             number, window: see `windows`.
             highest: largest order wanted.
         """
@@ -122,7 +123,7 @@ class RunUp:
         return pairs[0][0], np.array([amplitudes for _, amplitudes in pairs])
 
     def speeds(self, number: int, window: int) -> np.ndarray:
-        """Speed in the middle of each window [rad/s]: there half of its turns are over."""
+        """Speed in the middle of each window, where half of its turns are over [rad/s]."""
         motion = self._motion
         time = np.linspace(0.0, motion.duration, 20001)
         angle = self._angle(time)
@@ -137,6 +138,7 @@ class RunUp:
         return motion
 
     def _angle(self, time: np.ndarray) -> np.ndarray:
+        """Turns of the crank since the start."""
         column = self._motion.joints.index(self.joint)
         start = self._motion(np.zeros(1))[0][0, column]
         return np.asarray(np.abs(self._motion(time)[0][:, column] - start) / (2.0 * math.pi))

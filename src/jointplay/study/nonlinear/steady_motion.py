@@ -1,6 +1,6 @@
-"""Steady motion under a periodic drive: settled over turns, then looked at.
+"""Steady motion under a periodic drive: turns that settle, then turns that are observed.
 
-A turn is one of a crank at constant speed; for other motions it is the whole motion, which is then
+A turn is that of a crank at constant speed; for other motions it is the whole motion, which is then
 repeated and must end where it began.
 """
 
@@ -24,18 +24,18 @@ from jointplay.simulation.simulation import Simulation
 from jointplay.study.nonlinear.observables import observe
 
 Prepare = Callable[[Run], None]
-"""Changes the state of a run before it begins."""
+"""Function that changes the state of a run before it begins."""
 RECORDS = 1000
-"""Records in a turn."""
+"""Records in a turn, by default."""
 _CLOSED = 1e-9
-"""Largest distance between begin and end of a motion that is repeated [rad or m]."""
+"""Largest distance between beginning and end of a motion that can be repeated [rad or m]."""
 
 
 def turn(motion: Motion | None) -> float:
     """Time of one turn of a motion [s].
 
     Raises:
-        JointplayError: no motion, or one that cannot be repeated; or cranks whose speeds differ.
+        JointplayError: no motion, one that cannot be repeated, or cranks whose speeds differ.
     """
     if motion is None:
         raise JointplayError("without a motion there are no turns; give [motion]")
@@ -60,7 +60,7 @@ def turn(motion: Motion | None) -> float:
 
 
 def check_turns(leave_out: int, keep: int, records: int) -> None:
-    """Raise a JointplayError on numbers of turns, or of records in one, that make no sense."""
+    """Raise a JointplayError if a number of turns, or of records in a turn, is out of range."""
     for option, value, minimum in (
         ("leave-out", leave_out, 0),
         ("keep", keep, 1),
@@ -70,15 +70,11 @@ def check_turns(leave_out: int, keep: int, records: int) -> None:
 
 
 def check_base(mechanism: Mechanism) -> None:
-    """Refuse a free base.
-
-    Raises:
-        JointplayError: the base is free, so that no motion repeats itself.
-    """
+    """Raise a JointplayError if the base is free, so that no motion repeats itself."""
     if mechanism.free_base is not None:
         raise JointplayError(
-            "nonlinear dynamics are those of motions that may repeat themselves, and a free base "
-            'drifts away: take the mechanism with base = "held"'
+            "nonlinear dynamics is analysed for motions that can repeat, and a free base drifts "
+            'away: take the mechanism with base = "held"'
         )
 
 
@@ -88,11 +84,11 @@ class Turning:
 
     simulation: Simulation
     turn: float
-    """Time of one [s]."""
+    """Duration of a turn [s]."""
     leave_out: int
-    """Turns at the start that are not looked at."""
+    """Settling turns at the start, which are not observed."""
     keep: int
-    """Turns that are."""
+    """Observed turns."""
     records: int
     """Records in a turn."""
 
@@ -100,10 +96,10 @@ class Turning:
     def of(
         cls, simulation: Simulation, leave_out: int, keep: int, records: int = RECORDS
     ) -> Turning:
-        """Repeat the motion of a simulation; its step is shortened until it divides the turn.
+        """Repeat the motion of a simulation, whose step is shortened until it divides the turn.
 
         Raises:
-            JointplayError: see `turn`; or numbers of turns or records that make no sense.
+            JointplayError: see `turn`; or numbers of turns or records out of range.
         """
         check_turns(leave_out, keep, records)
         check_base(simulation.mechanism)
@@ -122,7 +118,7 @@ class Turning:
         return cls(changed, period, leave_out, keep, records)
 
     def run(self, prepare: Prepare | None = None) -> Result:
-        """Simulate to the end; `place` changes the state before the run begins.
+        """Simulate to the end; `prepare` changes the state before the run begins.
 
         Raises:
             JointplayError: the run stopped early.
@@ -136,13 +132,13 @@ class Turning:
         return result.completed()
 
     def observed(self, result: Result, names: Sequence[str]) -> np.ndarray:
-        """Quantities in the turns that are looked at, shape (keep records + 1, names)."""
+        """Quantities in the observed turns, shape (keep records + 1, names)."""
         columns = [observe(result, name) for name in names]
         return np.stack(columns, axis=1)[self.leave_out * self.records :]
 
 
 def repeated(motion: Motion | None, turns: int) -> Motion | None:
-    """Repeat a motion so many times, one after the other; constant speed needs no repeating."""
+    """The motion repeated `turns` times in a row; constant speed goes on by itself."""
     turns = require_whole("turns", turns, 1)
     if motion is None or motion.interpolation == "constant-speed" or turns == 1:
         return motion
@@ -161,14 +157,14 @@ def repeated(motion: Motion | None, turns: int) -> Motion | None:
 
 
 def orders(values: np.ndarray, turns: int, highest: float) -> tuple[np.ndarray, np.ndarray]:
-    """Amplitudes by order, a multiple of the turning speed.
+    """Order spectrum: amplitudes over the multiples of the turning speed.
 
-    Hann window over all turns; a harmonic at a whole order shows its amplitude.
+    With a Hann window over all turns; a harmonic at a whole order shows its amplitude.
 
     Args:
         values: records of whole turns, shape (n,).
-        turns: how many.
-        highest: largest order wanted; at most half the records of a turn are there.
+        turns: number of turns.
+        highest: largest order wanted; the spectrum ends at half the records of a turn.
 
     Returns:
         Orders in steps of 1/turns, and amplitudes in the unit of the values.
@@ -181,7 +177,7 @@ def orders(values: np.ndarray, turns: int, highest: float) -> tuple[np.ndarray, 
 
 
 def start_travel(simulation: Simulation, joint: str) -> tuple[float, float]:
-    """How far the journal of a joint can be put aside at the start along x and y [m].
+    """Largest displacement of a joint's journal at the start along x and along y [m].
 
     Raises:
         JointplayError: no such joint with clearance, or one that cannot move in both directions.
@@ -196,9 +192,9 @@ def start_travel(simulation: Simulation, joint: str) -> tuple[float, float]:
 
 
 def placing(joint: str, x: float, y: float) -> Prepare:
-    """What puts the journal of a joint at (x, y) in its bearing [m] before a run begins.
+    """Function that puts the journal of a joint at (x, y) in its bearing before a run begins [m].
 
-    In a loop the bodies that are not driven move for it.
+    In a loop the coordinates that are not driven move for it.
     """
 
     def prepare(run: Run) -> None:
@@ -208,7 +204,7 @@ def placing(joint: str, x: float, y: float) -> Prepare:
         motion = run.simulation.motion
         driven = [] if motion is None else [mechanism.coordinate(name) for name in motion.joints]
         free = offsets or [k for k in range(len(q)) if k not in driven]
-        for _ in range(3):  # the way is a curve, if a short one
+        for _ in range(3):  # Newton steps: the position depends almost linearly on coordinates
             pin.forwardKinematics(mechanism.model, mechanism.data, q)
             centre = mechanism.journal_pose(joint).translation[:2]
             moves = mechanism.relative_jacobian(joint, q)[:2, free]
