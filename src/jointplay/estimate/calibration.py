@@ -38,7 +38,7 @@ from jointplay.estimate.pose_problem import Problem
 from jointplay.estimate.selection import Selection, Step, held_back
 from jointplay.estimate.unknowns import (
     FARTHEST_M,
-    NORMAL,
+    NORMAL_QUANTILE,
     ROUNDING,
     TINY,
     TWO_SIDED,
@@ -466,7 +466,7 @@ def _effects(fits: Selection, selected: Step) -> tuple[Estimate, ...]:
         moved = slope - frame @ np.linalg.lstsq(frame, slope, rcond=None)[0]
         moved = fits.base.error[0] * moved / np.sqrt(n)
         covariance = fitted.covariance[np.ix_(at, at)]
-        wider = half[at] / (NORMAL * np.sqrt(np.diag(covariance)) * scale[at])
+        wider = half[at] / (NORMAL_QUANTILE * np.sqrt(np.diag(covariance)) * scale[at])
         value = fitted.theta[at] / scale[at]
         drawn = random.multivariate_normal(value, covariance * np.outer(wider, wider), DRAWS)
         size = float(np.linalg.norm(moved @ value))

@@ -8,8 +8,8 @@ turns. Play gives way fully under the smallest push, elasticity by the push:
 with the play p, the compliance c under the largest push T, and friction F on the joint's side
 (`_bent`). Teeth stiffen under load, by an exponent x between about 0.4 and 1.1: two forces do not
 tell this from play, which widens its interval; a third one does. Laws that are no power stray from
-it a little (`_STRAYS`). Readings without a push lie anywhere within the play, and only serve as a
-check.
+it a little (`_LAW_SPREAD`). Readings without a push lie anywhere within the play, and only serve as
+a check.
 
 A play is known if its interval excludes zero (`known`), unless gravity, which may hold the teeth to
 one side all the time, exceeds the smallest push.
@@ -64,12 +64,12 @@ RECIPE = (
     "needed are five readings: not pushed, and pushed to each side with two forces, the smaller at "
     "most two thirds of the larger"
 )
-_SOFTLY = 0.02
+_EFFORT_SHARE = 0.02
 """Largest push of a plan, as a part of a joint's limit of effort, unless gravity and friction need
 more (judged)."""
-_UNLIKE = 1.5
+_FORCE_RATIO = 1.5
 """Least ratio of two forces that count as different: that of `RECIPE`."""
-_SURE = 10.0
+_SCATTER_RESIDUALS = 10.0
 """Number of residuals that the stated scatter of readings is worth: it is then known to a quarter,
 1/sqrt(2 n) (judged: from 5 to 20 the same plays of 60 joints of benchmarks/truth/gauge.py are
 known, and all intervals hold)."""
@@ -77,7 +77,7 @@ _EXPONENT, _EXPONENT_SPREAD, _LEAST_EXPONENT = 0.75, 0.2, 0.3
 """Exponent by which teeth wind up: expected, its prior deviation, and the least. Hertz's contact of
 balls has 2/3, straight teeth nearly 1, strain wave gears and worn teeth 0.5 (judged: a deviation of
 0.15 narrows intervals of these 60 joints by 8 %, 0.3 widens them by 20 %; all hold)."""
-_STRAYS = 0.1
+_LAW_SPREAD = 0.1
 """Standard deviation by which the wind-up strays from a power of the push half way to the largest,
 as a part of its largest: a gear whose stiffness has steps (judged: 0.05 narrows these intervals by
 14 %, 0.2 widens them by 40 %; all hold)."""
@@ -87,10 +87,10 @@ says nothing (judged: from 0.05 to 0.2 the same plays are known)."""
 _BAR_M, _SHORT_M = 0.1, 0.02
 """Length of a bar that is clamped to a link, and length below which a link needs one [m] (judged:
 it only writes the plan)."""
-_TURNS = math.sqrt(6.0 * MODEL_ERROR)
+_GAUGE_RANGE_RAD = math.sqrt(6.0 * MODEL_ERROR)
 """Largest angle between readings that a gauge follows, for its stem is straight: a sine is less
 than this angle by `MODEL_ERROR` [rad]."""
-_OUTSIDE = 4.0
+_OUTLIER = 4.0
 """Standard deviations beyond both sides from which on a reading is said to be wrong: chance makes
 one of 16,000."""
 _HOW = (
@@ -197,7 +197,7 @@ class Readings:
         setups = np.array([f"{a}, {b}" for a, b in zip(names, setup, strict=True)])
         for name in np.unique(setups) if not slides_all else ():
             by_this = by_gauge[setups == name]  # NaN of angles, which may be large
-            if (apart := float(np.ptp(by_this))) > _TURNS:
+            if (apart := float(np.ptp(by_this))) > _GAUGE_RANGE_RAD:
                 raise JointplayError(
                     f"{path}: by these readings {names[int(np.argmax(setups == name))]} turns by "
                     f"{readable(apart, 'rad', 3)}, which no gauge follows: are reading and gauge "
@@ -357,7 +357,7 @@ def identify_gauged(
                 f"warning: a push on {joint} is {readable(largest, unit, 3)}, beyond its limit of "
                 f"effort, {readable(most, unit, 3)}: is it in the unit of its title?"
             )
-        if not slides and play.value > _TURNS:
+        if not slides and play.value > _GAUGE_RANGE_RAD:
             notes.append(
                 f"warning: no gear has so much play as {joint}: are angles in the unit of their "
                 "title?"
@@ -420,7 +420,7 @@ def _require_recipe(readings: Readings, joint: str, of_joint: np.ndarray) -> Non
         push = readings.push[of_joint & (np.array(readings.setup) == setup)]
         if push.min() < 0.0 < push.max():
             sizes += [abs(force) for force in push if force]
-    if len(sizes) < 4 or max(sizes) < _UNLIKE * min(sizes):
+    if len(sizes) < 4 or max(sizes) < _FORCE_RATIO * min(sizes):
         raise JointplayError(f"{readings.source}: {joint}: {RECIPE}; got {int(of_joint.sum())}")
 
 
@@ -428,7 +428,7 @@ def _forces(readings: Readings, of_joint: np.ndarray) -> int:
     """Number of pushes of different size."""
     last, count = 0.0, 0
     for force in np.sort(np.abs(readings.push[of_joint & (readings.push != 0.0)])):
-        if force >= _UNLIKE * last:
+        if force >= _FORCE_RATIO * last:
             last, count = float(force), count + 1
     return count
 
@@ -441,7 +441,7 @@ def _require_yielding(readings: Readings, joint: str, of_joint: np.ndarray) -> N
         push, turned, error = (
             values[rows] for values in (readings.push, readings.turned, readings.error)
         )
-        back = turned[:, None] - turned - _OUTSIDE * np.hypot(error[:, None], error)
+        back = turned[:, None] - turned - _OUTLIER * np.hypot(error[:, None], error)
         back[push[:, None] >= push] = -np.inf
         i, k = np.unravel_index(int(back.argmax()), back.shape)
         if back[i, k] > 0.0:
@@ -521,7 +521,7 @@ def _problem(
     part = np.abs(push) / largest
     strays = side * give * largest * 4.0 * part * (1.0 - part)
     nuisance = np.column_stack([zeros, strays])
-    spread = np.append(np.full(zeros.shape[1], np.inf), _STRAYS)
+    spread = np.append(np.full(zeros.shape[1], np.inf), _LAW_SPREAD)
     unit, soft = ("m", "m/N") if slides else ("rad", "rad/(N*m)")
     # The file's friction may be off by half of it, and some there is (judged).
     rub = max(0.5 * friction, _FRICTION * float(np.abs(push).min()))
@@ -549,7 +549,7 @@ def _problem(
         (f"{joint} strays",),
         spread=spread,
         safety=1.0,
-        assured=_SURE,
+        assured=_SCATTER_RESIDUALS,
     )
 
 
@@ -560,8 +560,8 @@ def _outside(readings: Readings, joint: str, of_joint: np.ndarray, fitted: Fit) 
     for setup in dict.fromkeys(setups[of_joint]):
         rows = np.flatnonzero(of_joint & (setups == setup) & (readings.push != 0.0))
         off = readings.turned[rows] - _bent(readings.push[rows], largest, *theta)
-        away = np.abs(off - np.median(off)) - 2.0 * _STRAYS * theta[1] * largest
-        if away.max() > 2.0 * _OUTSIDE * readings.error[rows].max():
+        away = np.abs(off - np.median(off)) - 2.0 * _LAW_SPREAD * theta[1] * largest
+        if away.max() > 2.0 * _OUTLIER * readings.error[rows].max():
             notes.append(
                 f"warning: readings of {joint} do not agree by {1e3 * away.max():.3g} "
                 f"m{fitted.least.unknowns[0].unit}: has a push the wrong sign, or has the gauge "
@@ -573,7 +573,7 @@ def _outside(readings: Readings, joint: str, of_joint: np.ndarray, fitted: Fit) 
         away = (
             abs(float(readings.turned[number] - off.mean())) - theta[0] / 2.0 - theta[1] * theta[2]
         )
-        if away > _OUTSIDE * max(fitted.stretch, 1.0) * float(readings.error[number]):
+        if away > _OUTLIER * max(fitted.stretch, 1.0) * float(readings.error[number]):
             notes.append(
                 f"note: reading {number + 1}, which is not pushed, lies beyond both sides of "
                 f"{joint}: has the gauge slipped, the motor moved, or does gravity push?"
@@ -673,8 +673,8 @@ def plan_gauge(
         weight = float(weights[best, at])
         # As softly as gravity and friction allow, which the smallest push must exceed: how far the
         # link gives way hides its play.
-        against = _UNLIKE / SIZES[-1] * (weight + entry.friction)
-        enough = max(_SOFTLY * (entry.effort or np.inf), against)
+        against = _FORCE_RATIO / SIZES[-1] * (weight + entry.friction)
+        enough = max(_EFFORT_SHARE * (entry.effort or np.inf), against)
         most = min(push, min(enough, 0.5 * (entry.effort or np.inf)) / lever)
         forces = (0.0, *(float(f"{side * part * most:.2g}") for part in SIZES for side in (1, -1)))
         unit = "N" if entry.slides else "N*m"

@@ -28,9 +28,9 @@ from jointplay.estimate.least_squares import Fit, LeastSquares, basis, search
 from jointplay.estimate.machine import TOOL, Given, Machine, apply, compliances, preset_found
 from jointplay.estimate.measurement import READINGS, SHOWN, Measurement
 from jointplay.estimate.model import StaticModel
-from jointplay.estimate.nuisances import DEGREE, REFERENCES, nuisances
+from jointplay.estimate.nuisances import POLYNOMIAL_DEGREE, REFERENCES, nuisances
 from jointplay.estimate.parts import WOUND, Teeth, friction_of
-from jointplay.estimate.reasons import FINEST, advice, reason
+from jointplay.estimate.reasons import LEAST_ERROR, advice, reason
 from jointplay.estimate.recordings import Recording, is_recording
 from jointplay.estimate.unknowns import (
     PLAYS,
@@ -50,7 +50,7 @@ from jointplay.simulation.simulation import Simulation
 if TYPE_CHECKING:
     from jointplay.scenario.presets import Preset
 
-_LARGE = 3.0
+_LARGE_EXCESS = 3.0
 """RMS of residuals, by the records' scatter, from which on a note says that the model does not
 explain all (judged: of 38 arms of benchmarks/truth/identify.py with parts an interval misses the
 truth in 4 of 12 with more, and in 2 of 26 with less)."""
@@ -174,7 +174,7 @@ class Identification:
             f"{self.excess:.2g} times what the records' scatter explains (RMS); errors and "
             "intervals are enlarged by what is over 1"
         )
-        if self.excess > _LARGE:
+        if self.excess > _LARGE_EXCESS:
             lines.append("note: the model does not explain all of it")
         return "\n".join(lines)
 
@@ -233,7 +233,7 @@ def identify(
     also: Sequence[str] = (),
     known: Sequence[str] = (),
     stiffness: Given | None = None,
-    drift: int = DEGREE,
+    drift: int = POLYNOMIAL_DEGREE,
     lag: float | None = None,
     progress: bool = False,
 ) -> Identification:
@@ -344,7 +344,7 @@ def _comparison(
     also: Sequence[str] = (),
     known: Sequence[str] = (),
     stiffness: Given | None = None,
-    drift: int = DEGREE,
+    drift: int = POLYNOMIAL_DEGREE,
     lag: float | None = None,
     progress: bool = False,
 ) -> _Comparison:
@@ -393,7 +393,9 @@ def _comparison(
     model = StaticModel(prior, visits, observed.keys, unknowns)
     use = np.isfinite(observed.mean) & model.certain[:, None]
     _require_two_ways(measured, model, use, reference)
-    smallest = [FINEST + ROUNDING * np.nanmax(np.abs(row), initial=0.0) for row in observed.mean.T]
+    smallest = [
+        LEAST_ERROR + ROUNDING * np.nanmax(np.abs(row), initial=0.0) for row in observed.mean.T
+    ]
     records = np.where(use, np.maximum(observed.error, smallest), np.nan)
     records = np.hypot(records, model.wander)
     nuisance, labels = nuisances(model, observed, reference, drift, measured.lag > 0.0)

@@ -25,11 +25,11 @@ from jointplay.estimate.kinematic_model import FRICTIONS, TRANSITIONS, Column, T
 from jointplay.estimate.known import excludes_zero
 from jointplay.estimate.pose_problem import Fitted
 from jointplay.estimate.selection import Selection, Step
-from jointplay.estimate.unknowns import CONFIDENCE, MINOR, MISJUDGED, TWO_SIDED, Estimate
+from jointplay.estimate.unknowns import CONFIDENCE, EXPECTATION_FACTOR, MINOR, TWO_SIDED, Estimate
 
-SMOOTHINGS = (1.0 / MISJUDGED, 1.0, MISJUDGED)
+SMOOTHINGS = (1.0 / EXPECTATION_FACTOR, 1.0, EXPECTATION_FACTOR)
 """Factors of a given transition for which a bound must hold: it is as uncertain as all that is
-expected (`MISJUDGED`)."""
+expected (`EXPECTATION_FACTOR`)."""
 _HALVINGS = 5
 """Most halvings of the steps between frictions and transitions (measured on 49 random robots,
 benchmarks/truth/calibrate.py: with none 8 of 36 intervals of play and 4 of 103 of gear compliance

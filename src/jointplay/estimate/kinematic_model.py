@@ -474,7 +474,9 @@ def _seat(poses: Poses, term: Term, j: int, required: bool) -> list[Feature]:
     bearing = poses.mechanism.clearance.get(name)
     ones, features = np.ones(len(poses)), []
     for part in () if bearing is None else bearing_parts(name, bearing):
-        for way, moved in part.sunk(loads).items() if isinstance(part, Springs) else ():
+        if not isinstance(part, Springs):
+            continue
+        for way, moved in part.sunk(loads).items():
             size = part.compliances[way]
             unit = "rad/(N*m)" if way in ("tilt", "torsional") else "m/N"
             moves = moved @ turn.T / size

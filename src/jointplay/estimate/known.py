@@ -30,7 +30,7 @@ from jointplay.estimate.unknowns import Unknown
 LARGEST_SHARE = 0.5
 """Largest half width of an interval, as a part of the value, with which `identify` calls the value
 known: judged, a choice of what is worth reporting. Wider intervals are not refined."""
-SMALL = 0.25
+SMALL_SHARE = 0.25
 """Part of an unknown's scale as which smaller values count in `LARGEST_SHARE`, so that a play near
 zero can be known, too: judged. With 0.5, 5 more values are told of 153 machines of
 benchmarks/truth/identify.py: the interval of one misses the truth, another is twice the truth."""
@@ -46,7 +46,7 @@ and all intervals hold alike."""
 
 def widest(unknown: Unknown, value: float) -> float:
     """Largest half width of an interval about `value` that is `narrow` [SI]."""
-    return LARGEST_SHARE * max(abs(value), SMALL * unknown.scale)
+    return LARGEST_SHARE * max(abs(value), SMALL_SHARE * unknown.scale)
 
 
 def narrow(unknown: Unknown, value: float, half_width: float) -> bool:

@@ -33,8 +33,8 @@ from scipy.stats import t as student
 from jointplay.base.progress import ProgressBar
 from jointplay.estimate.known import LARGEST_SHARE, narrow, outweighs_prior, widest
 from jointplay.estimate.unknowns import (
+    EXPECTATION_FACTOR,
     MINOR,
-    MISJUDGED,
     MODEL_ERROR,
     ROUNDING,
     TINY,
@@ -54,19 +54,19 @@ _EFFECT_ROUNDS = 2
 _LEAST_FREEDOM = {False: 8, True: 4}
 """Degrees of freedom that few groups are granted, by `LeastSquares.weights`: with less, intervals
 say nothing. Fewer where errors are only weights, for nothing else says how large they are."""
-NULL = 1e-4
+NULL_SHARE = 1e-4
 """Squared part of an unknown that may lie in the null space of one that is observable."""
-FAINT = 1e-3
+LEAST_EFFECT = 1e-3
 """Effect of a whole scale below which nothing is identified, in standard errors: with it the
 interval is a thousand scales wide."""
 _STARTS_TRIED = 16
-"""Starts whose cost is compared, about the scenario's values by `MISJUDGED`."""
+"""Starts whose cost is compared, about the scenario's values by `EXPECTATION_FACTOR`."""
 _FIRST_STEPS, _BEST_STEPS, _LATER_STEPS = 15, 100, 8
 """Largest number of least-squares steps from each start, from the best of these on, and after a
 change of errors, of law or of one unknown."""
 _AS_GOOD = 1.1
 """Cost of another minimum, relative to the best, up to which it explains the data as well."""
-_MODEL_ERROR = 0.005
+_VISIT_MODEL_ERROR = 0.005
 """Part of what play does to a signal by which the static model may be off at a visit."""
 _OUTWARDS = 1.3
 """Factor by which an end of an interval is moved at a time: ends are as sharp as that."""
@@ -349,7 +349,7 @@ class Fit:
         """Half widths of the 95 % intervals; infinite in the null space, shape (p,) [SI]."""
         if self.widened is not None:
             return self.widened
-        dark = (np.diag(self.null) > NULL) | (self.freedom + self.least.assured < 1.0)
+        dark = (np.diag(self.null) > NULL_SHARE) | (self.freedom + self.least.assured < 1.0)
         return np.where(dark, np.inf, self.half_widths())
 
     def wide(self, deviation: float, off: float = 0.0) -> float:
@@ -379,7 +379,7 @@ class Fit:
     def shows(self, i: int) -> bool:
         """Whether the i-th unknown does anything to what was measured."""
         column = self.effect[: len(self.least.measured), i]
-        return bool(np.linalg.norm(column) >= FAINT)
+        return bool(np.linalg.norm(column) >= LEAST_EFFECT)
 
     def known(self, i: int) -> bool:
         """Whether the i-th unknown is known, see `jointplay.estimate.known`.
@@ -429,7 +429,7 @@ def partners(row: np.ndarray, i: int) -> list[int]:
     """
     row = np.abs(row)
     numbers = [int(k) for k in np.argsort(-row) if k != i and row[k] > MINOR * row[i]]
-    return numbers if row[i] > NULL else []
+    return numbers if row[i] > NULL_SHARE else []
 
 
 def minimum(problem: LeastSquares, start: np.ndarray, most_steps: int = 40) -> np.ndarray:
@@ -493,7 +493,7 @@ def information(effect: np.ndarray) -> tuple[np.ndarray, np.ndarray, int]:
     _, sizes, right = np.linalg.svd(effect, full_matrices=len(effect) < effect.shape[1])
     padded = np.zeros(effect.shape[1])
     padded[: len(sizes)] = sizes
-    clear = padded > max(ROUNDING * padded.max(initial=0.0), FAINT)
+    clear = padded > max(ROUNDING * padded.max(initial=0.0), LEAST_EFFECT)
     axes = right[clear].T / padded[clear]
     return axes @ axes.T, right[~clear].T @ right[~clear], int(clear.sum())
 
@@ -536,7 +536,7 @@ def _search(problem: LeastSquares, starts: Sequence[np.ndarray], bar: ProgressBa
     kinds = np.zeros(len(measured), int) if problem.kinds is None else problem.kinds
     for _ in bar.passed(range(_ERROR_ROUNDS)):
         residual = best.residual[: len(measured)] * problem.error
-        rough = _MODEL_ERROR * np.abs(problem.predict(best.theta))
+        rough = _VISIT_MODEL_ERROR * np.abs(problem.predict(best.theta))
         share = max(best.freedom, 1.0) / len(measured)
         excess = np.zeros(len(measured))
         for kind in np.unique(kinds):
@@ -603,7 +603,7 @@ def _profiled(best: Fit, wide: np.ndarray, i: int) -> float:
 
 
 def _with_other_walls(problem: LeastSquares, theta: np.ndarray) -> list[np.ndarray]:
-    """Best values with each axial clearance `MISJUDGED` times larger or smaller than at `theta`.
+    """Best values with each axial clearance larger or smaller by `EXPECTATION_FACTOR`.
 
     At the edge at which an end wall begins to limit the lean the model is steep on one side, and an
     interval by slopes would not see how little is lost far away on the other. A factor of 4 changes
@@ -615,7 +615,7 @@ def _with_other_walls(problem: LeastSquares, theta: np.ndarray) -> list[np.ndarr
         )
         for i, unknown in enumerate(problem.unknowns)
         if unknown.name == "axial_clearance" and len(theta) > 1
-        for factor in (MISJUDGED, 1.0 / MISJUDGED)
+        for factor in (EXPECTATION_FACTOR, 1.0 / EXPECTATION_FACTOR)
     ]
 
 
@@ -646,13 +646,14 @@ def _starts(problem: LeastSquares, start: np.ndarray) -> list[np.ndarray]:
     starts = [start]
     if walls.any():
         starts += [
-            np.where(walls, factor * start, start) for factor in (1.0 / MISJUDGED, MISJUDGED)
+            np.where(walls, factor * start, start)
+            for factor in (1.0 / EXPECTATION_FACTOR, EXPECTATION_FACTOR)
         ]
     cages = np.array([unknown.name == "cage_angle" for unknown in problem.unknowns])
     if cages.any():
         starts += [np.where(cages, start + part * problem.scale, start) for part in (1, 2, 3)]
     spread = qmc.LatinHypercube(len(start), rng=0).random(_STARTS_TRIED)
-    options = np.minimum(start * MISJUDGED ** (2.0 * spread - 1.0), problem.limits[1])
+    options = np.minimum(start * EXPECTATION_FACTOR ** (2.0 * spread - 1.0), problem.limits[1])
     options = np.where(cages, start + 4.0 * spread * problem.scale, options)
     return [*starts, min(options, key=problem.cost)]
 

@@ -39,7 +39,7 @@ LOAD_ERROR, _MOMENT_ERROR = 0.015, 0.04
 """Part of a joint's largest load by which the model of its loads may be off, and of moments that
 tilt a rolling bearing, which change while a place is passed: judged. With 0.02 for both, one of the
 first three machines of benchmarks/truth/identify.py is not told its play."""
-HELD_OFF = 0.35
+HELD_OFF_SHARE = 0.35
 """Part of the clearance by which rims may be held off the place where the load would push them, and
 of the other rim's force below which a rim may lie anywhere (judged: with 0.3 of the force nothing
 changes in 103 machines of benchmarks/truth/identify.py)."""
@@ -81,7 +81,7 @@ class LoadedBearing:
             rims = [np.linalg.norm(rim, axis=1) for rim in _rim_forces(load, leaning.length)]
             self._contact_force = self.rim_force = np.mean(rims, axis=0)
             # A rim with little force of its own may lie anywhere.
-            self.determined &= np.min(rims, axis=0) >= HELD_OFF * np.max(rims, axis=0)
+            self.determined &= np.min(rims, axis=0) >= HELD_OFF_SHARE * np.max(rims, axis=0)
         speed = way = np.zeros(len(visits))
         if name in visits.joints:
             column = visits.joints.index(name)
@@ -192,7 +192,7 @@ class LoadedRollingBearing(LoadedBearing):
             for way in (1.0, -1.0):
                 off = self._rests({}, load + way * disturbance)[0] - undisturbed
                 by = np.linalg.norm(off[:, [[0, 1], [3, 4]]], axis=2)
-                determined &= (by <= HELD_OFF * free).all(axis=1)
+                determined &= (by <= HELD_OFF_SHARE * free).all(axis=1)
         return determined
 
     def _rests(
@@ -266,7 +266,7 @@ def _load_determines_place(joint: Clearance, load: np.ndarray, inertia: np.ndarr
             off = play.support(load + side * disturbance).point - undisturbed
             lean = arm * np.linalg.norm(off[:, 3:5], axis=1)
             off_by = np.hypot(np.linalg.norm(off[:, :2], axis=1), lean)
-            determined &= off_by <= HELD_OFF * joint.radial_travel
+            determined &= off_by <= HELD_OFF_SHARE * joint.radial_travel
     return determined & (across + np.abs(load[:, 2]) > 0.0)
 
 

@@ -40,8 +40,8 @@ from jointplay.estimate.known import excludes_zero
 from jointplay.estimate.machine import preset_found
 from jointplay.estimate.unknowns import (
     ROUNDING,
+    STEP_DEVIATION,
     TWO_SIDED,
-    UNIFORM,
     Answer,
     Estimate,
     Loop,
@@ -352,7 +352,7 @@ class _Profile:
             raise JointplayError(
                 f"{stairs.source}: {joint}: all readings are the same: the dial does not follow it"
             )
-        floor = max(UNIFORM * stairs.step, ROUNDING * span)
+        floor = max(STEP_DEVIATION * stairs.step, ROUNDING * span)
         return cls(joint, slides, setups, floor if scatter is None else scatter, stairs.step)
 
     def fit(self, lost: np.ndarray, sigma: float) -> tuple[np.ndarray, list[tuple[Any, ...]]]:

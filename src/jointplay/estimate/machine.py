@@ -44,15 +44,15 @@ aside with the contact's normal where friction does. ``axial``: along the axis.
 """
 TOOL, ALL = "tool", "all"
 """Labels of the structure's compliance at the tool, and of all compliances together."""
-SOFT = {"rad/(N*m)": 1e-5, "m/N": 1e-7}
+COMPLIANCE_SCALES = {"rad/(N*m)": 1e-5, "m/N": 1e-7}
 """Scales of compliances, by unit, from which unknown ones are sought (judged: of stiff robots)."""
 _BY_MOTOR = {"kind": "computed-torque", "encoder": "motor"}
 """Drive of joints with gears of whose drive nothing else is known: play shows by such encoders."""
-LINK = 1e-4
+LINK_SPREAD = 1e-4
 """Prior deviation from none of the bending of links where a joint winds up, unless the gear is
 expected to give way by more [rad/(N m)]: without a prior, link and gear could make up for each
 other."""
-BENDS = 0.15
+LINK_SPREAD_BY_GEAR = 0.15
 """Prior deviation of the bending of links beside gears with a curve or hysteresis, as a part of the
 gear's expected compliance: where their laws are exact they would tell one from the other, but no
 gear follows them so closely."""
@@ -69,8 +69,8 @@ def compliance(label: str, value: float = 0.0, spread: float = math.inf) -> Unkn
     joint, _, way = label.rpartition(" ")
     unit = WAYS.get(way, "m/N")
     return Unknown(
-        joint, f"{way}_compliance", unit, value, SOFT[unit], sought=False, spread=spread,
-        least=-math.inf,
+        joint, f"{way}_compliance", unit, value, COMPLIANCE_SCALES[unit], sought=False,
+        spread=spread, least=-math.inf,
     )  # fmt: skip
 
 
@@ -156,7 +156,7 @@ class Machine:
         unknowns = [*self._of_bearings(also), *self._of_gears(also, links)]
         for joint in self.wound:
             if joint not in mechanism.gears:
-                expected = SOFT["rad/(N*m)"]
+                expected = COMPLIANCE_SCALES["rad/(N*m)"]
                 name = "torsional_compliance"
                 unknowns += self._compliance(joint, "torsional", name, expected)
         unknowns += self._of_dry_friction(torques, also)
@@ -199,7 +199,7 @@ class Machine:
             of_teeth = list(teeth.unknowns(also))
             plays = [unknown for unknown in of_teeth if unknown.name == "gear_play"]
             give = self._compliance(joint, "torsional", "gear_compliance", 1.0 / teeth.stiffness[0])
-            rough = parts.LOAD_ERROR if joint in links else BENDS
+            rough = parts.LOAD_ERROR if joint in links else LINK_SPREAD_BY_GEAR
             for unknown in (*plays, *give, *(x for x in of_teeth if x not in plays)):
                 bends = teeth.curved and unknown.name in parts.WOUND
                 yield replace(unknown, model_error=rough) if bends else unknown
@@ -229,7 +229,7 @@ class Machine:
         if stated.spread == 0.0:
             return []
         value = stated.nominal or expected
-        most = parts.SOFTEST * value
+        most = parts.COMPLIANCE_RANGE * value
         return [Unknown(joint, name, WAYS[way], value, value, most, spread=stated.spread)]
 
 
@@ -256,15 +256,15 @@ def compliances(mechanism: Mechanism, stated: Given) -> dict[str, Unknown]:
     known: dict[str, Unknown] = {}
     # Priors without which other unknowns could not be told, unless something is given.
     for name in mechanism.joints:
-        spread = LINK
+        spread = LINK_SPREAD
         if name in mechanism.gears:
             teeth = parts.Teeth(name, mechanism.gears[name])
             give = 1.0 / teeth.stiffness[0]
-            spread = BENDS * give if teeth.curved else max(LINK, give)
+            spread = LINK_SPREAD_BY_GEAR * give if teeth.curved else max(LINK_SPREAD, give)
         known[f"{name} link"] = compliance(f"{name} link", spread=spread)
     bushes = [f"{name} bush" for name in mechanism.clearance]
     # Passes under one load do not tell it from friction: without a bound no friction could be told.
-    known |= {label: compliance(label, spread=SOFT["m/N"]) for label in bushes}
+    known |= {label: compliance(label, spread=COMPLIANCE_SCALES["m/N"]) for label in bushes}
     # The general first, for the special overrides it: all, a joint or the tool, a way of a joint.
     for label in sorted(stated, key=lambda label: (label != ALL, " " in label)):
         entry = stated[label]

@@ -23,7 +23,7 @@ from jointplay.base.schema import known_keywords
 from jointplay.base.tables import Column, Table, counted, few
 from jointplay.estimate import columns
 from jointplay.estimate.columns import Key
-from jointplay.estimate.unknowns import UNIFORM
+from jointplay.estimate.unknowns import STEP_DEVIATION
 from jointplay.simulation.loads.wrench import Wrench, WrenchOverTime
 from jointplay.simulation.result.result import AXES, Result
 
@@ -245,4 +245,4 @@ def resolution(values: np.ndarray) -> float:
 
 def quantisation(values: np.ndarray) -> float:
     """Standard deviation of an encoder's rounding, which is uniform within one of its steps."""
-    return UNIFORM * resolution(values)
+    return STEP_DEVIATION * resolution(values)

@@ -31,14 +31,14 @@ from jointplay.accuracy.jacobians import place, tool_place
 from jointplay.accuracy.poses import moving
 from jointplay.estimate.columns import Key
 from jointplay.estimate.loaded_bearings import (
-    HELD_OFF,
+    HELD_OFF_SHARE,
     LOAD_ERROR,
     LoadedBearing,
     LoadedRollingBearing,
 )
 from jointplay.estimate.machine import TOOL, Machine
-from jointplay.estimate.parts import NONE, SPRINGS, WOUND, Teeth, friction_of
-from jointplay.estimate.unknowns import MINOR, MISJUDGED, MODEL_ERROR, Unknown
+from jointplay.estimate.parts import NEGLIGIBLE, SPRINGS, WOUND, Teeth, friction_of
+from jointplay.estimate.unknowns import EXPECTATION_FACTOR, MINOR, MODEL_ERROR, Unknown
 from jointplay.estimate.visits import (
     STOP_S,
     Visits,
@@ -162,7 +162,12 @@ class StaticModel:
                 self._given += soft.unknown.nominal * soft.effect[:, :, :3].sum(axis=2)
         self.elastic = tuple(soft for soft in elastic if soft.unknown.spread > 0.0)
         self.certain = self._sides(
-            np.array([(MISJUDGED if u.name == "gear_play" else 1.0) * u.nominal for u in unknowns])
+            np.array(
+                [
+                    (EXPECTATION_FACTOR if u.name == "gear_play" else 1.0) * u.nominal
+                    for u in unknowns
+                ]
+            )
         )
 
     def _give(self, name: str) -> float:
@@ -321,7 +326,7 @@ class StaticModel:
         load = self._bearings[joint].load
         for loads in (load[:, :2], load[:, 3:5]):
             size = np.linalg.norm(loads, axis=1)
-            strong = size > HELD_OFF * size.max(initial=0.0)
+            strong = size > HELD_OFF_SHARE * size.max(initial=0.0)
             for cell in np.unique(self.visits.cell[strong]):
                 at_place = loads[strong & (self.visits.cell == cell)]
                 if (at_place @ at_place.T < 0.0).any():
@@ -410,7 +415,7 @@ class StaticModel:
         )
         if gear is None or rigid:
             half = 0.0 if gear is None else 0.5 * parameters.get("gear_play", gear.play)
-            give = NONE if rigid else max(give, NONE)
+            give = NEGLIGIBLE if rigid else max(give, NEGLIGIBLE)
             return TwistLaw(half, Curve.of([(1.0 / give, math.inf)]))
         teeth = Teeth(name, gear).holding({"gear_compliance": self._gives[name], **parameters})
         return TwistLaw(0.5 * teeth.play, teeth.curve(), *teeth.bristles)
@@ -435,7 +440,7 @@ class StaticModel:
         off count: the twist of a gear with nothing but play must be the same.
         """
         parameters = dict(values)
-        half = parameters["gear_play"] = self.mechanism.gears[name].play or NONE
+        half = parameters["gear_play"] = self.mechanism.gears[name].play or NEGLIGIBLE
         hold, twists = self._hold[name], []
         torque = hold - np.einsum("nk,nk->n", self._arms[name], self.visits.force)
         off = LOAD_ERROR * np.abs(torque).max(initial=0.0) * np.ones(len(hold))

@@ -26,7 +26,7 @@ from jointplay.estimate.visits import (
 REFERENCES = ("place", "frame", "ideal")
 """Knowledge of the tool's ideal place: that it is the same at each visit of a place (``place``);
 all but where the tracker's frame lies (``frame``); all (``ideal``)."""
-DEGREE = 3
+POLYNOMIAL_DEGREE = 3
 """Degree of the polynomials in time by which readings may drift, unless `identify` is given
 another, and of those in each joint's position by which the geometry's error changes at a place
 (judged)."""
@@ -88,7 +88,7 @@ def _within(cell: np.ndarray, position: np.ndarray) -> list[np.ndarray]:
         span = np.ptp(values)
         if span > 0.0:
             even = (values - values.mean()) / span
-            for power in range(1, DEGREE + 1):
+            for power in range(1, POLYNOMIAL_DEGREE + 1):
                 moved = even**power
                 for number in np.unique(cell):
                     moved[cell == number] -= moved[cell == number].mean()

@@ -16,7 +16,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from jointplay.estimate.unknowns import ROUGH, Unknown
+from jointplay.estimate.unknowns import FRICTION_MODEL_ERROR, Unknown
 from jointplay.model.gear import CycloidalGear, Gear, Gearing, GearTrain, StrainWaveGear
 from jointplay.model.mechanism import Mechanism
 from jointplay.physics.joints import Clearance, RollingBearing
@@ -34,7 +34,7 @@ WOUND = ("gear_compliance", "gear_compliance_2", "gear_compliance_3", "torsional
 """Names of the compliances by which the torque that a joint transmits turns its link."""
 _LARGEST_CLEARANCE_M = 1e-3
 """Upper limit of a journal's clearance, unless ten times the expected one is more [m] (judged)."""
-SOFTEST = 100.0
+COMPLIANCE_RANGE = 100.0
 """Largest compliance of a gear, of springs or of a joint that winds up, as a multiple of the
 expected one; of rolling elements, largest and smallest (judged)."""
 _SMALL_CLEARANCE_M = 5e-6
@@ -46,12 +46,12 @@ are this with `SAFETY`."""
 _MOST_PRELOAD = 5e-3
 """Largest interference that preloads, as a part of an element's diameter: judged, five times what
 is called heavy."""
-FACTOR = 0.15
+_ELEMENT_STIFFNESS_SPREAD = 0.15
 """Prior deviation of the stiffness of rolling elements, as a part of that by their geometry, which
 is estimated: three per cent of a ball's diameter, one ball more or less, and the grooves' radii."""
 _MOST_HYSTERESIS = 0.9
 """Largest part of the rated torque that hysteresis takes: with all of it the gear would hold."""
-NONE = 1e-12
+NEGLIGIBLE = 1e-12
 """A clearance or a compliance that is none: keeps divisions finite, and torques by the difference
 of two angles above rounding [m, rad/(N m)]."""
 
@@ -85,12 +85,20 @@ class Journal(Part):
             yield Unknown(self.joint, name, "m", value, value, most)
         if coefficient := friction_of(self.component):
             yield Unknown(
-                self.joint, "friction", "", coefficient, coefficient, 2.0, model_error=ROUGH
+                self.joint,
+                "friction",
+                "",
+                coefficient,
+                coefficient,
+                2.0,
+                model_error=FRICTION_MODEL_ERROR,
             )
 
     def holding(self, values: Mapping[str, float]) -> Clearance:
         sizes = {
-            name: max(values[name], NONE) for name in self.component.clearances if name in values
+            name: max(values[name], NEGLIGIBLE)
+            for name in self.component.clearances
+            if name in values
         }
         changed = self.component.with_clearances(sizes)
         if friction_of(self.component) is not None and "friction" in values:
@@ -136,10 +144,10 @@ class Elements(Part):
             bearing.cage_angle + turn, False, least=bearing.cage_angle - turn, model_error=0.0,
         )  # fmt: skip
         sought = "stiffness" in also
-        spread = math.inf if sought else FACTOR
+        spread = math.inf if sought else _ELEMENT_STIFFNESS_SPREAD
         yield Unknown(
-            self.joint, "stiffness_factor", "", 1.0, 1.0, SOFTEST, sought, spread,
-            least=1.0 / SOFTEST,
+            self.joint, "stiffness_factor", "", 1.0, 1.0, COMPLIANCE_RANGE, sought, spread,
+            least=1.0 / COMPLIANCE_RANGE,
         )  # fmt: skip
 
     @property
@@ -185,7 +193,9 @@ class Springs(Part):
     def unknowns(self, also: Collection[str]) -> Iterator[Unknown]:
         for way, value in self.compliances.items():
             unit = "rad/(N*m)" if way in ("tilt", "torsional") else "m/N"
-            yield Unknown(self.joint, f"{way}_compliance", unit, value, value, SOFTEST * value)
+            yield Unknown(
+                self.joint, f"{way}_compliance", unit, value, value, COMPLIANCE_RANGE * value
+            )
 
     def sunk(self, loads: np.ndarray) -> dict[str, np.ndarray]:
         """Displacements under loads (n, 6), by way: its components, all others zero, (n, 6)."""
@@ -201,7 +211,7 @@ class Springs(Part):
 
     def holding(self, values: Mapping[str, float]) -> Clearance:
         softer = {
-            way: max(values[f"{way}_compliance"] / nominal, NONE)
+            way: max(values[f"{way}_compliance"] / nominal, NEGLIGIBLE)
             for way, nominal in self.compliances.items()
             if f"{way}_compliance" in values
         }
@@ -255,12 +265,18 @@ class Teeth(Part):
             for k, piece in enumerate(self.stiffness[1:], 2):
                 value = 1.0 / piece
                 name, unit = f"gear_compliance_{k}", "rad/(N*m)"
-                yield Unknown(joint, name, unit, value, value, SOFTEST * value)
+                yield Unknown(joint, name, unit, value, value, COMPLIANCE_RANGE * value)
         if isinstance(gear, StrainWaveGear | CycloidalGear):
             if gear.hysteresis or "hysteresis" in also:
                 value = gear.hysteresis
                 yield Unknown(
-                    joint, "hysteresis", "rad", value, value or 2e-4, 1.0, model_error=ROUGH
+                    joint,
+                    "hysteresis",
+                    "rad",
+                    value,
+                    value or 2e-4,
+                    1.0,
+                    model_error=FRICTION_MODEL_ERROR,
                 )
             if gear.stated_lost_motion is not None:
                 value = gear.stated_lost_motion
@@ -285,7 +301,7 @@ class Teeth(Part):
             give = values.get(f"gear_compliance_{k}", softer / piece)
             name = f"stiffness_{k}" if isinstance(gear, StrainWaveGear) else "stiffness"
             if give != 1.0 / piece:
-                changes[name] = 1.0 / max(give, NONE)
+                changes[name] = 1.0 / max(give, NEGLIGIBLE)
         if not isinstance(gear, StrainWaveGear | CycloidalGear):
             return replace(gear, **changes)
         # Hysteresis and lost motion, each as large as the gear can have it at most.

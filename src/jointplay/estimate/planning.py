@@ -35,7 +35,7 @@ from jointplay.estimate.measurement import SHOWN
 from jointplay.estimate.model import StaticModel
 from jointplay.estimate.nuisances import offsets
 from jointplay.estimate.parts import WOUND
-from jointplay.estimate.unknowns import MODEL_ERROR, NORMAL, TINY, Unknown
+from jointplay.estimate.unknowns import MODEL_ERROR, NORMAL_QUANTILE, TINY, Unknown
 from jointplay.estimate.visits import Visits, tool_positions
 from jointplay.model.collisions import SelfCollision
 from jointplay.model.mechanism import Mechanism
@@ -64,10 +64,10 @@ many of these 30)."""
 SIZES = (1.0, 0.4)
 """Sizes of a push, as parts of it, where play is to be told from elasticity: two at least
 (judged)."""
-_WAY = 0.5
+_PASSING_WAY = 0.5
 """Way of joints before and beyond a pose, unless limits leave less room [rad or m] (judged: far
 more than any play, so that all teeth have crossed it)."""
-_TRIED = 16
+_TRIED_PER_POSE = 16
 """Poses that are tried for each that is offered, until enough are free of self-collision (judged:
 robots in whose workspace fewer are free must be told which to use)."""
 APART = 0.1
@@ -265,7 +265,7 @@ def planned(
 def _ways(mechanism: Mechanism) -> np.ndarray:
     """Way of each joint before and beyond a pose, (joints,); both are half its range at most."""
     low, high = joint_limits(mechanism, moving(mechanism))
-    return np.minimum(_WAY, np.where(high > low, high - low, np.inf) / 4.0)
+    return np.minimum(_PASSING_WAY, np.where(high > low, high - low, np.inf) / 4.0)
 
 
 def free_poses(
@@ -279,7 +279,7 @@ def free_poses(
     at = [mechanism.coordinate(name) for name in names]
     if chosen is None:
         # Shrunk towards the middle of the limits, so that there is room for the ways.
-        poses = over_workspace(mechanism, _TRIED * count, seed)
+        poses = over_workspace(mechanism, _TRIED_PER_POSE * count, seed)
         low, high = joint_limits(mechanism, names)
         ends = np.isfinite(low) & np.isfinite(high) & (high > low)
         low, high = np.where(ends, low, 0.0), np.where(ends, high, 0.0)
@@ -546,7 +546,7 @@ def half_widths(unknowns: Sequence[Unknown], gain: np.ndarray) -> np.ndarray:
     """
     covariance = np.linalg.inv(gain)[: len(unknowns), : len(unknowns)]
     scale = np.array([unknown.scale for unknown in unknowns])
-    return np.asarray(NORMAL * np.sqrt(np.diag(covariance)) * scale)
+    return np.asarray(NORMAL_QUANTILE * np.sqrt(np.diag(covariance)) * scale)
 
 
 def _partners(

@@ -18,14 +18,14 @@ import numpy as np
 from jointplay.base.tables import few
 from jointplay.estimate import planning
 from jointplay.estimate.known import narrow, widest
-from jointplay.estimate.least_squares import NULL, Fit, information
+from jointplay.estimate.least_squares import NULL_SHARE, Fit, information
 from jointplay.estimate.model import StaticModel
 from jointplay.estimate.parts import WOUND
 from jointplay.estimate.unknowns import Unknown
 from jointplay.estimate.visits import Observed, Visits, pushes
 from jointplay.physics.joints import RollingBearing
 
-FINEST = 1e-9
+LEAST_ERROR = 1e-9
 """Least standard error of a mean, far below what instruments resolve: records of a simulation have
 none at all [m, rad, N m]."""
 _WORTHWHILE = 0.5
@@ -108,7 +108,7 @@ def _explained_by_elasticity(i: int, fit: Fit, visits: Visits) -> str:
         covariance, null, _ = information(stiff.project(effect[:, columns]))
         k = columns.index(i)
         half = fit.wide(float(np.sqrt(covariance[k, k])) * unknown.scale)
-        return bool(null[k, k] <= NULL and narrow(unknown, fit.theta[i], half))
+        return bool(null[k, k] <= NULL_SHARE and narrow(unknown, fit.theta[i], half))
 
     if not labels or not known(labels):
         return ""
@@ -162,7 +162,7 @@ def advice(
     before = effect.T @ effect / max(fit.misfit, 1.0) ** 2 + planning.prior(unknowns, model)[0]
     noise = dict(planning.NOISE)
     for (kind, _), spread in zip(model.keys, observed.noise, strict=True):
-        noise[kind] = max(spread, FINEST)
+        noise[kind] = max(spread, LEAST_ERROR)
     offers = planning.offers(model.machine, unknowns, model.keys, noise, fit.theta)
     lines = []
     widths = [[planning.half_widths(unknowns, before + x) for x in gains] for gains, _ in offers]

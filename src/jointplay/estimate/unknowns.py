@@ -22,9 +22,9 @@ CONFIDENCE = 0.95
 """Probability that an interval (two-sided) or a bound (one-sided) holds the truth: as is usual."""
 TWO_SIDED = 0.5 + CONFIDENCE / 2.0
 """Quantile at which an interval ends; a bound ends at `CONFIDENCE`."""
-NORMAL = float(norm.ppf(TWO_SIDED))
+NORMAL_QUANTILE = float(norm.ppf(TWO_SIDED))
 """Half width of an interval in standard deviations, if these are exact."""
-UNIFORM = float(uniform.std())
+STEP_DEVIATION = float(uniform.std())
 """Standard deviation of the rounding to steps, as a part of a step: 1/sqrt(12)."""
 ROUNDING = 1e-9
 """Part of a number below which differences count as rounding: sums over thousands of numbers of 16
@@ -33,9 +33,9 @@ TINY = float(np.finfo(float).tiny)
 """Smallest normal number: keeps divisions by what may be zero finite."""
 MODEL_ERROR = 0.02
 """Relative error of static models, loads and levers: judged."""
-ROUGH = 0.1
+FRICTION_MODEL_ERROR = 0.1
 """Relative error of laws of friction and hysteresis, which are rougher: judged."""
-MISJUDGED = 3.0
+EXPECTATION_FACTOR = 3.0
 """Factor by which the expected value of an unknown may be wrong: judged."""
 MINOR = 0.1
 """Part of the largest below which something is minor, and left out of texts and figures: judged."""

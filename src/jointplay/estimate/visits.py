@@ -54,7 +54,7 @@ _TRAVEL = 0.5
 machines of benchmarks/truth/identify.py)."""
 STOP_S = 0.15
 """Duration of the shortest stop that counts [s] (judged)."""
-SETTLING = 0.4
+SETTLING_SHARE = 0.4
 """Part of a stop that is left out at its beginning, while the machine calms down (judged: with 0.5,
 of 115 machines three told values miss the truth, else one, and as many are told)."""
 LARGEST_LAG_S = 0.03
@@ -271,7 +271,7 @@ def _pieces(
             long = time[last - 1] - time[first]
             if long < STOP_S:
                 continue
-            calm = int(np.searchsorted(time, time[first] + SETTLING * long))
+            calm = int(np.searchsorted(time, time[first] + SETTLING_SHARE * long))
             first = max(first, min(calm, last - FEWEST_IN_VISIT))
         elif not (np.ptp(q[first:last], axis=0) > _TRAVEL * size).any():
             continue  # a drive that gives way to a push: the journals hardly turn
