@@ -69,10 +69,11 @@ longer tool from a longer arm [m]: measured by hand (judged). Otherwise base, to
 rotations may be anywhere: `FARTHEST_M` [m, rad]."""
 _SCATTER_ROUNDS = 4
 """Rounds in which the scatter is estimated, which depends on the fit, and this on the scatter by
-the priors."""
+the priors (measured: with 8 no number of 6 robots of benchmarks/truth/calibrate.py changes by more
+than 0.1 %)."""
 _TURNS_TRIED = 4
 """Rounds in which, without orientations, base and tool are placed in turn from each rotation of the
-grid: enough to tell which is the best start."""
+grid: enough to tell which is the best start (measured: with 3 or 8 it is the same for these 6)."""
 
 
 @dataclass(frozen=True)

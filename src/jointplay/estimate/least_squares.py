@@ -50,28 +50,36 @@ SAFETY = 1.5
 """Factor by which intervals are wider than the statistics say, unless a kind of measurement says
 otherwise (measured: by the first ten machines of benchmarks/truth/identify.py)."""
 _EFFECT_ROUNDS = 2
-"""Rounds in which effects are taken over the width of the intervals, which depends on them."""
+"""Rounds in which effects are taken over the width of the intervals, which depends on them (judged:
+with 3 of these and of `_ERROR_ROUNDS`, and twice the starts and steps below, the same is told of 11
+machines of benchmarks/truth/identify.py, in intervals that differ by 4 % at most)."""
 _LEAST_FREEDOM = {False: 8, True: 4}
 """Degrees of freedom that few groups are granted, by `LeastSquares.weights`: with less, intervals
-say nothing. Fewer where errors are only weights, for nothing else says how large they are."""
+say nothing. Fewer where errors are only weights, for nothing else says how large they are (judged:
+with 5 and 3, `_AS_GOOD` of 1.2 and `_VISIT_MODEL_ERROR` of 0.01 together, the same is told of these
+11 machines)."""
 NULL_SHARE = 1e-4
 """Squared part of an unknown that may lie in the null space of one that is observable."""
 LEAST_EFFECT = 1e-3
 """Effect of a whole scale below which nothing is identified, in standard errors: with it the
 interval is a thousand scales wide."""
 _STARTS_TRIED = 16
-"""Starts whose cost is compared, about the scenario's values by `EXPECTATION_FACTOR`."""
+"""Number of starts whose cost is compared, about the scenario's values by `EXPECTATION_FACTOR`
+(judged, see `_EFFECT_ROUNDS`)."""
 _FIRST_STEPS, _BEST_STEPS, _LATER_STEPS = 15, 100, 8
 """Largest number of least-squares steps from each start, from the best of these on, and after a
-change of errors, of law or of one unknown."""
+change of errors, of law or of one unknown (judged, see `_EFFECT_ROUNDS`)."""
 _AS_GOOD = 1.1
-"""Cost of another minimum, relative to the best, up to which it explains the data as well."""
+"""Cost of another minimum, relative to the best, up to which it explains the data as well (judged,
+see `_LEAST_FREEDOM`)."""
 _VISIT_MODEL_ERROR = 0.005
-"""Part of what play does to a signal by which the static model may be off at a visit."""
+"""Part of what play does to a signal by which the static model may be off at a visit (judged, see
+`_LEAST_FREEDOM`)."""
 _OUTWARDS = 1.3
 """Factor by which an end of an interval is moved at a time: ends are as sharp as that."""
 _ERROR_ROUNDS = 2
-"""Rounds in which errors are made as large as the residuals demand, which depend on them."""
+"""Rounds in which errors are made as large as the residuals demand, which depend on them (judged,
+see `_EFFECT_ROUNDS`)."""
 
 
 def basis(columns: np.ndarray) -> np.ndarray:

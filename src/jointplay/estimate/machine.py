@@ -57,11 +57,13 @@ LINK_SPREAD_BY_GEAR = 0.15
 gear's expected compliance: where their laws are exact they would tell one from the other, but no
 gear follows them so closely."""
 _LARGEST_STICTION = 3.0
-"""Largest static friction, as a multiple of the dynamic one (judged)."""
+"""Largest static friction, as a multiple of the dynamic one (judged: from 2 to 5 the same is told
+of 11 machines of benchmarks/truth/identify.py)."""
 KEPT_AT_STOPS = 0.5
 """Expected part of friction that is kept at a stop: the middle of what is possible, 0 to 1."""
 _FRICTION_N_M = 0.1
-"""Scale of a friction of which the scenario says nothing, where its search begins (judged)."""
+"""Scale of a friction of which the scenario says nothing, where its search begins (judged: from
+0.03 to 0.3 the same is told of these 11 machines)."""
 
 
 def compliance(label: str, value: float = 0.0, spread: float = math.inf) -> Unknown:
