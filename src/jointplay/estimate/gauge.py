@@ -136,10 +136,7 @@ class Readings:
 
     @classmethod
     def from_csv(
-        cls,
-        path: str | Path,
-        joints: Mapping[str, bool],
-        noise: Mapping[str, float] | None = None,
+        cls, path: str | Path, joints: Mapping[str, bool], noise: Mapping[str, float] | None = None
     ) -> Readings:
         """Read a CSV file, a row for each reading (docs/identify.md).
 

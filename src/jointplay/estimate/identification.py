@@ -32,15 +32,7 @@ from jointplay.estimate.nuisances import POLYNOMIAL_DEGREE, REFERENCES, nuisance
 from jointplay.estimate.parts import WOUND, Teeth, friction_of
 from jointplay.estimate.reasons import LEAST_ERROR, advice, reason
 from jointplay.estimate.recordings import Recording, is_recording
-from jointplay.estimate.unknowns import (
-    PLAYS,
-    ROUNDING,
-    Estimate,
-    Loop,
-    by_label,
-    data,
-    listed,
-)
+from jointplay.estimate.unknowns import PLAYS, ROUNDING, Estimate, Loop, by_label, data, listed
 from jointplay.estimate.visits import Observed, Visits, cut_into_visits, pushes
 from jointplay.model.mechanism import Mechanism
 from jointplay.simulation.loads.drive import Drive, JointFriction, urdf_friction

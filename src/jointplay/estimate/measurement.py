@@ -29,11 +29,7 @@ from jointplay.simulation.result.result import AXES, Result
 
 TOOL_UNITS = {"tool": "m", "force": "N"}
 """Signals along x, y and z, and their units."""
-JOINT_UNITS = {
-    "motor": ("rad", "m"),
-    "link": ("rad", "m"),
-    "torque": ("N*m", "N"),
-}
+JOINT_UNITS = {"motor": ("rad", "m"), "link": ("rad", "m"), "torque": ("N*m", "N")}
 """Signals of a joint, and their units for one that turns and one that slides."""
 READINGS = ("tool", "link")
 """Kinds of signal that have instruments of their own, which drift, and may be late behind the

@@ -15,13 +15,7 @@ from jointplay.estimate.columns import Key
 from jointplay.estimate.measurement import READINGS
 from jointplay.estimate.model import StaticModel
 from jointplay.estimate.unknowns import TINY
-from jointplay.estimate.visits import (
-    Observed,
-    signal_effect,
-    stacked,
-    tool_effect,
-    tool_positions,
-)
+from jointplay.estimate.visits import Observed, signal_effect, stacked, tool_effect, tool_positions
 
 REFERENCES = ("place", "frame", "ideal")
 """Knowledge of the tool's ideal place: that it is the same at each visit of a place (``place``);

@@ -142,11 +142,7 @@ def _without_effect(unknown: Unknown, model: StaticModel) -> str:
 
 
 def advice(
-    fit: Fit,
-    observed: Observed,
-    use: np.ndarray,
-    model: StaticModel,
-    reasons: Sequence[str],
+    fit: Fit, observed: Observed, use: np.ndarray, model: StaticModel, reasons: Sequence[str]
 ) -> tuple[str, ...]:
     """Experiment or signal by which each unknown that has a reason against it would be known.
 
