@@ -62,15 +62,15 @@ _FRAME = tuple(f"{what} {axis}" for what in ("base", "base r", "tool", "tool r")
 SCATTER = (1e-3, 5e-3)
 """Standard deviation of positions [m] and orientations [rad] about the model, where nothing is
 known yet: of robots that were not calibrated. `calibrate` then estimates it from the fit of all
-terms."""
+terms (judged: with three times as much the same is known of 6 robots of
+benchmarks/truth/calibrate.py, within 0.3 %)."""
 _SAME_POINT_M = 0.02
 """Prior width of the tool's point where only the point is the same each time, which cannot tell a
 longer tool from a longer arm [m]: measured by hand (judged). Otherwise base, tool and their
 rotations may be anywhere: `FARTHEST_M` [m, rad]."""
 _SCATTER_ROUNDS = 4
 """Rounds in which the scatter is estimated, which depends on the fit, and this on the scatter by
-the priors (measured: with 8 no number of 6 robots of benchmarks/truth/calibrate.py changes by more
-than 0.1 %)."""
+the priors (measured: with 8 no interval of these 6 robots changes by more than 0.1 %)."""
 _TURNS_TRIED = 4
 """Rounds in which, without orientations, base and tool are placed in turn from each rotation of the
 grid: enough to tell which is the best start (measured: with 3 or 8 it is the same for these 6)."""

@@ -46,7 +46,8 @@ first transition is a jump between two of fifty poses, wider than the last nearl
 (benchmarks/truth/calibrate.py, 40 robots)."""
 _TURN_WIDTH = 2.5
 """Prior width of a placement's angles over that of its lengths: lengths over a reach of 0.4 m
-[rad/m]."""
+[rad/m] (judged: with 5 three angles more are known of 6 robots of benchmarks/truth/calibrate.py,
+and all intervals hold)."""
 
 
 @known_keywords
@@ -555,8 +556,9 @@ TERM_KINDS: Mapping[str, TermKind] = {
         part="springs or a bearing in a seat",
     ),
 }  # fmt: skip
-"""Kinds of terms; a new one is a function of the poses. Widths of priors are what is large in
-practice (judged): with more poses they matter less."""
+"""Kinds of terms; a new one is a function of the poses. Widths of priors are judged: with all twice
+as wide 3 of 112 estimates of these 6 robots are left out, and intervals are a fifth wider
+(median)."""
 
 
 def _with_payloads(model: pin.Model, payloads: Sequence[Payload]) -> pin.Model:
