@@ -1,4 +1,4 @@
-"""What can be wrong with the texts of a figure."""
+"""Checks of the texts of a figure."""
 
 import re
 from itertools import combinations
@@ -12,11 +12,11 @@ PLAIN = re.compile(
     r"pose|turns?( after settling)?|turn|runs|loaded elements|order \(.*|found / scenario|"
     r"relative distance .*|\w+ - without unit|.*friction|impacts|tolerance|turns of .*"
 )
-"""Labels of what has no unit."""
+"""Labels of quantities without a unit."""
 
 
 def faults(figure: Figure) -> list[str]:
-    """Texts that cover each other or leave the figure, and axes of numbers without a unit."""
+    """Texts that overlap or leave the figure, and axes of numbers without a unit."""
     drawn: list[tuple[str, object]] = []
     draw = Text.draw
 

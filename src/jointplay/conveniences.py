@@ -1,4 +1,7 @@
-"""What methods of lower layers do with upper ones, each imported when it is first called."""
+"""Where methods of lower layers, such as `result.plot`, find what they need of upper layers.
+
+Each is imported when it is first called: lower layers import nothing from upper ones.
+"""
 
 from jointplay.base.conveniences import places
 

@@ -218,7 +218,7 @@ def test_any_robot_by_name_moves_and_says_what_came_out(tmp_path):
     result = Result.load(tmp_path / "result.nc")
     joints = result.simulation.mechanism.clearance
     assert [joint.cr for joint in joints.values()] == [1e-4, 1e-4]
-    # The axial clearance is the radial one unless it is given, and what nobody gave is said.
+    # Unless it is given, the axial clearance is the radial one; assumed values are reported.
     assert [joint.ca for joint in joints.values()] == [1e-4, 3e-4]
     assert (
         "elbow_joint: bearing radius 10 mm (assumed), radial clearance 0.1 mm, bearing length "
@@ -339,7 +339,7 @@ def test_scara_study_end_to_end(duration, tmp_path):
         assert result.audit.relative_energy_residual < 0.01
         assert 5e-6 < result.audit.largest_penetration < 30e-6
     assert small["normal_force_peak"].max() < large["normal_force_peak"].max()
-    # Between motion and bearing, the journal stays where a journal can be.
+    # The journal stays within its bearing.
     for result, clearance in ((small, 0.2e-3), (large, 0.5e-3)):
         centre = result["journal_centre"].values[:, 0]
         assert np.hypot(centre[:, 0], centre[:, 1]).max() < clearance * 1.1
@@ -527,7 +527,7 @@ def test_errors_are_one_line_whatever_they_hold():
 
 @pytest.mark.parametrize("quiet", [[], ["--quiet"]])
 def test_nothing_stands_before_an_error(quiet, tmp_path):
-    """Not what would be said of the cycle, nor Python's and numpy's warnings."""
+    """Neither notes on the cycle nor warnings of Python and numpy."""
     code = """
 import sys, warnings
 import numpy as np

@@ -1,4 +1,4 @@
-"""A scenario or a robot, said in the same words to every command."""
+"""Every command takes a scenario or a robot, with the same options."""
 
 import numpy as np
 import pytest
@@ -28,7 +28,7 @@ CALLS = {
     "calibrate": ["poses.csv"],
     "export urdf": ["--out", "o.urdf"],
 }
-"""Of each command that looks at a scenario or a robot, what else it needs."""
+"""Commands that take a scenario or a robot, and the further arguments that each needs."""
 
 
 def read(*words):
@@ -185,7 +185,7 @@ def test_what_a_measurement_may_hold_is_not_its_unit(capsys):
     ],
 )
 def test_what_holds_a_robot_at_rest_is_what_the_options_say(options, at_rest):
-    """Without a motion, too."""
+    """This holds without a motion, too."""
     given = ["budget", "ar4", "--gear", "joint_2=1 deg", *options]
     posed = posed_machine(parser().parse_args(given))
     found = budget(posed.mechanism, posed.poses.q, **posed.poses.holding)

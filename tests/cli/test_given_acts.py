@@ -1,4 +1,4 @@
-"""What is given acts or is refused: every option of the inputs, in every command that takes it."""
+"""Every input option changes the answer of every command that takes it, or is refused by name."""
 
 import io
 import json
@@ -15,36 +15,37 @@ from jointplay.cli.commands import inputs
 from jointplay.cli.commands.study import hunting
 
 STANDING = ("budget", "allocate", "export simulator", "identify")
-"""Commands that look at poses."""
+"""Commands that evaluate poses."""
 ANSWERS = {"budget": ["--payload", "0.2 kg"], "allocate": []}
-"""Those that answer at once, whose answers are compared, with what else they need for that."""
+"""Commands that are fast enough to compare their answers, and the arguments added for that."""
 BODIES = ("calibrate", "export urdf")
-"""Commands that look at the robot alone."""
+"""Commands that take the robot alone, without a motion."""
 MACHINES = {
     "journals": (["ur5", "--joint", "elbow_joint=0.05 mm"], "elbow_joint", "wrist_1_joint"),
     "gears": (["ar4", "--gear", "joint_2=1 deg"], "joint_2", "joint_3"),
     "file": (["jointplay:scara.toml", "--case", "0.2 mm"], "joint_b", "joint_a"),
 }
-"""What is looked at; a joint of it that has play, unless it is taken out; and one that has none."""
+"""Arguments that name a machine; its joint with play, unless an option removes it; a joint without.
+"""
 OPTIONS = {name for group in inputs.OPTIONS.values() for name in group} | {
     flag.name for flag in inputs.FLAGS
 }
 ELSEWHERE = {"--case": "of several", "--import": "of what a file names", "--xacro": "of xacro"}
-"""What has no meaning for these machines."""
+"""Options that do not apply to these machines, and what they are for."""
 OWN = {
     *("study wear --joint", "study dynamics --joint", "calibrate --payload"),
     "study hunting --poses",
 }
-"""Options that mean something else to a command."""
+"""Options that have another meaning in a command."""
 SAID = {
     *(f"{command} --base" for command in STANDING),
     *(f"{command} --allow-unphysical" for command in ANSWERS),
 }
-"""What does not act, as the answer says, or as there is nothing on which it could."""
+"""Options without effect on a command, which its answer says or which have nothing to act on."""
 
 
 def values(loose, tight, folder):
-    """Something to give for each option, and what it needs beside it."""
+    """Arguments for each option: a value, and further options that it needs."""
     poses = folder / "poses.csv"
     poses.write_text(f"{tight}\n0.1\n0.2\n")
     motion = folder / "motion.csv"
@@ -77,7 +78,7 @@ def values(loose, tight, folder):
 
 @cache
 def looked_at(command, *words):
-    """What the command takes of the options, or answers."""
+    """What the command makes of the options, as text: its answer, or its inputs."""
     if command in ANSWERS:
         with redirect_stdout(io.StringIO()) as answer, redirect_stderr(io.StringIO()) as error:
             failed = main([*words, "--detail"])
@@ -104,7 +105,7 @@ def looked_at(command, *words):
 
 
 def alike():
-    """Commands, one of those that take the same options in the same way."""
+    """Commands, one for each group that takes the same options in the same way."""
     found = {}
     for command in CALLS:
         taken = {word for one in parsers()[command]._actions for word in one.option_strings}
@@ -115,7 +116,7 @@ def alike():
 
 
 def line_of(command, machine, takes):
-    """How the command is typed for the machine, with play in one of its joints."""
+    """The command line for the machine, with play in one of its joints."""
     words, loose, _ = MACHINES[machine]
     more = [word for word in CALLS[command] if word not in ("--joint", "joint_b")]
     if command == "study wear":

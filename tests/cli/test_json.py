@@ -1,4 +1,4 @@
-"""Answers as JSON: the numbers of the words, in SI, and where each input comes from."""
+"""Answers as JSON: the numbers of the printed answer, in SI, and the origin of each input."""
 
 import json
 import re

@@ -43,7 +43,7 @@ MORE = ["0.1", "a b", "-lead", "a'b", "a:b", "#c", "50%", "x=1"]
 
 @pytest.fixture(params=[*NAMES, *(pytest.param(n, marks=pytest.mark.nightly) for n in MORE)])
 def odd(request, tmp_path):
-    """A name, and an arm and a scenario with a joint that is called so."""
+    """A name, and an arm and a scenario with a joint of this name."""
     name = request.param
     link, base, tip = quoteattr(f"link {name}"), quoteattr("base"), quoteattr("tip")
     (tmp_path / "r.urdf").write_text(

@@ -57,7 +57,7 @@ def test_a_linkage_to_start_from_runs_as_it_stands(tmp_path):
 
 
 def test_what_the_template_shows_as_defaults_are_the_defaults(short):
-    """Each line commented out can be used as it stands."""
+    """Each line that is commented out is valid as it stands."""
     text = short.read_text(encoding="utf-8")
     for line in re.findall(r"^# (\w+ = (?:false|\"(?:revolute)\").*)$", text, re.M):
         text = text.replace(f"# {line}", line)

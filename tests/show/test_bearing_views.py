@@ -26,7 +26,7 @@ TURN, DURATION = 2.0 * math.pi * 2.0, 0.1
 
 @pytest.fixture(scope="module")
 def robot(tmp_path_factory):
-    """A chain of four links, whose joints take a bearing of each kind and a journal."""
+    """A chain of four links, for joints with a bearing of each kind and a journal."""
     path = tmp_path_factory.mktemp("robot") / "chain.urdf"
     parts = ['<link name="base"/>', body("a", 5.0, "0.1 0 0"), body("b", com="0.1 0 0")]
     parts += [body("c", com="0.1 0 0"), body("d", com="0.1 0 0"), '<link name="tip"/>']
@@ -39,7 +39,7 @@ def robot(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def mixed(robot):
-    """A run with all of them."""
+    """A run of the chain with a bearing of each kind and a journal."""
     journal = jp.RevoluteClearance(radial_clearance=1e-4, axial_clearance=1e-4)
     joints = {"balls": BALLS, "pair": PAIR, "rollers": ROLLERS, "plain": journal}
     return run(robot, joints)
@@ -95,7 +95,7 @@ def test_life_over_a_motion_is_that_of_its_loads(mixed):
 
 
 def test_life_is_that_of_lasting_loads_in_closed_form(monkeypatch, mixed):
-    """Half of the way at one load, half at another: the harmonic mean of their lives."""
+    """With half of the travel at one load and half at another, the harmonic mean of their lives."""
     time = mixed.time
     loads = np.zeros((len(time), 14))
     loads[:, :3] = np.where(np.arange(len(time)) < len(time) // 2, 1000.0, 300.0)[:, None]

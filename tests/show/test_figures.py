@@ -1,4 +1,5 @@
-"""Every figure of four machines: texts apart, inside, with units; colours that all can tell."""
+"""Every figure of four machines: texts do not overlap, stay inside, have units; colours differ for
+colour-blind readers, too."""
 
 from itertools import pairwise, product
 
@@ -18,7 +19,7 @@ from jointplay.scenario.reading import parse
 from jointplay.scenario.robot import robot_scenario
 from jointplay.show.picture import picture
 from jointplay.show.plots import design, drawings, figures, palette
-from jointplay.show.plots.chart import Axis, Chart, Panel, Words
+from jointplay.show.plots.chart import Axis, Chart, Label, Panel
 from jointplay.show.plots.draw import draw
 from jointplay.show.plots.style import style
 from jointplay.show.reports import cases, pdf, runs
@@ -54,7 +55,7 @@ MACHINES = {
 
 
 def drawn(results):
-    """Name and figure of all that is drawn of runs and of their machine."""
+    """Name and figure of everything that is drawn of runs and of their machine."""
     for name, chart in figures._charts(results):
         yield name, draw(chart)
     result = list(results.values())[-1]
@@ -91,7 +92,7 @@ def test_the_first_page_of_a_reports_pdf_is_filled_and_its_texts_stand_apart(mac
 
 
 def test_wrong_texts_are_found():
-    panel = Panel(Axis("time", "s"), Axis("force"), [Words(0.5, 0.5, "here"), Words(0.5, 0.5, "x")])
+    panel = Panel(Axis("time", "s"), Axis("force"), [Label(0.5, 0.5, "here"), Label(0.5, 0.5, "x")])
     figure = draw(Chart([[panel]], (4.0, 3.0)))
     figure.text(0.99, 0.5, "too far to the right")
     found = faults(figure)
@@ -170,8 +171,8 @@ SIGHT = {
     ],
 }  # fmt: skip
 TELLABLE = 20.0
-"""CIELAB distance of neighbours (judged: a tenth of that of black and white is 10; green and pink
-of equal lightness, which those who see no red confuse, are 18 apart)."""
+"""Least CIELAB distance of neighbouring colours (judged: black and white are 100 apart; green and
+pink of equal lightness, which protanopes confuse, 18)."""
 
 
 def lab(colour, sight):

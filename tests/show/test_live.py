@@ -38,7 +38,7 @@ SLIDER_CRANK = "jointplay:slider_crank.toml"
 
 
 def scenario(**settings):
-    """The SCARA, for a short time."""
+    """A scenario of the SCARA of short duration."""
     from jointplay.scenario.reading import parse
 
     given = [f"integration.duration={DURATION}", *(f"{k}={v}" for k, v in settings.items())]
@@ -46,7 +46,7 @@ def scenario(**settings):
 
 
 def machine(radial):
-    """The same by hand: mechanism and motion."""
+    """Mechanism and motion of that scenario, built without it."""
     joint = jp.RevoluteClearance(radial_clearance=radial, axial_clearance=0.2e-3)
     mechanism = jp.Mechanism(jp.shipped("scara.urdf"), {"joint_b": joint})
     return mechanism, jp.Motion.from_csv(jp.shipped("scara_motion.csv"))
@@ -103,14 +103,14 @@ def figures(tab):
 
 
 def type_in(tab, name, text):
-    """Give a control a value as by typing."""
+    """Type a value into a control's field."""
     field = tab.locator(f"[id$='-{name}']")
     field.fill(str(text))
     field.press("Enter")
 
 
 def expected(simulation):
-    """Figures of a run, by ways of their own."""
+    """Figures of a run, computed independently of the page's."""
     result = simulation.run(estimate=False, check_step=False)
     error = np.linalg.norm(tool_error.deviation(result).values, axis=1)
     force = np.linalg.norm(result["joint_force_peak"].values[:, 0], axis=1)
@@ -332,7 +332,7 @@ def focused(tab):
 
 
 def tab_to(tab, words):
-    """Go on with the Tab key until what has the focus is called so."""
+    """Press the Tab key until the element of this name has the focus."""
     for _ in range(80):
         tab.keyboard.press("Tab")
         if words in focused(tab):
@@ -454,7 +454,7 @@ WATCHED = """async () => {
 
 
 def test_a_question_moves_nothing_and_has_its_curves_before_its_picture(tab):
-    """Figures from before stand, dimmed, until there are new ones."""
+    """Earlier figures stay, dimmed, until new ones come."""
     seen = tab.evaluate(WATCHED)
     assert len(seen["sizes"]) == 1
     assert len(seen["rows"]) == 1
@@ -481,7 +481,7 @@ FARTHEST = """() => {
     });
     return most;
 }"""
-"""How far from the middle of the picture the machine reaches: 1 is the edge."""
+"""Largest distance of the machine's parts from the middle of the picture; 1 is the edge."""
 
 
 def test_the_whole_machine_is_in_view_whatever_the_shape_of_the_picture(tab):
@@ -541,7 +541,7 @@ def test_a_loop_at_constant_speed_and_a_case_of_a_file(browser):
 
 
 def post(url, body=None, name="ask", **changed):
-    """A question, and the status of its answer."""
+    """Post a question, and return the status of its answer."""
     place = urlsplit(url)
     headers = {"Content-Type": "application/json", "Origin": f"http://{place.netloc}"}
     headers = {k: v for k, v in (headers | changed).items() if v is not None}
@@ -645,7 +645,8 @@ def test_controls_are_those_of_the_machine():
 
 
 def test_gears_have_their_play():
-    """Of a servo that turns, and of a screw; a train has it in its stages, which have none."""
+    """Gears that turn and screws have a control of their play; a train, which has play in its
+    stages, has none."""
     from jointplay.scenario.reading import parse
 
     given = [parse(f"integration.duration={DURATION}")]
@@ -717,7 +718,7 @@ def test_the_exact_answer_begins_as_that_of_the_command():
 
 
 def test_the_first_part_of_a_long_answer_is_shown_soon(monkeypatch):
-    """And the whole is as if none had been."""
+    """The whole answer is then the same as without a first part."""
     chosen = scenario()
     state = state_of(chosen, next(one for one in chosen.cases if one != "ideal"))
 

@@ -19,9 +19,9 @@ import jointplay as jp
 from jointplay.cli import main
 from jointplay.model.meshes import surface
 from jointplay.model.robots import robot_urdf
+from jointplay.model.scene import quaternions
 from jointplay.paper import scara
 from jointplay.show import player
-from jointplay.show.player.playback import quaternions
 from jointplay.show.player.server import Server
 from jointplay.show.player.tracks import (
     Packer,
@@ -304,7 +304,7 @@ STRIP = """() => {
 
 
 def strip(tab, values=None):
-    """Of each column of the timeline the part that is drawn; `values` are shown, if given."""
+    """The part of each pixel column of the timeline that is drawn, of `values` if given."""
     if values is not None:
         tab.evaluate(
             """values => {

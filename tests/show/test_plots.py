@@ -1,4 +1,4 @@
-"""Figures by what they drew."""
+"""Figures, judged by the artists that matplotlib drew."""
 
 from io import BytesIO
 from itertools import pairwise
@@ -147,7 +147,7 @@ def test_figure_12_can_be_read_for_the_rims_and_not_for_the_middle(judged):
     # The tolerance of 0.1 um is magnified, too.
     assert np.quantile(reach["continuous contact"], 0.9) == pytest.approx(1.0, abs=6e-3)
     assert np.mean(reach["pseudo-penetration"] > 1.0) > 0.98
-    # The centres themselves, as they are, and the middle.
+    # The rims' centres and the journal's, without magnification.
     after = result.time >= result.judge_from
     pressed = result["mode"].values[after, 0] == Mode.PSEUDO_PENETRATION
     rims = np.hypot(*analysis.rim_centres(result, "joint_b")[:, after, :2].T).max(axis=1)

@@ -303,7 +303,7 @@ def test_answer_picture_and_three_charts_come_first_the_rest_is_folded(
         text = tab.inner_text("#at-a-glance")
         assert f"in {', '.join(TURNING[:number])} puts the tool" in text
         assert tab.locator("#at-a-glance img").count() == 1
-        # What nobody gave is on the first screen; one key away, and as wide as that, what it does.
+        # Assumed values are on the first screen; their effects unfold by one key, at that width.
         assert tab.locator("#at-a-glance h3", has_text="assumed").bounding_box()["y"] < 900
         unfold = tab.locator("#at-a-glance summary", has_text="what others would change")
         unfold.press("Enter")
@@ -370,7 +370,7 @@ def test_a_drawn_curve_is_within_half_a_pixel_of_the_record(page, folder, open_r
 
 
 def show_whole_run(tab):
-    """By the button, with the chart of velocities in view."""
+    """Zoom by the button, with the chart of velocities in view."""
     tab.evaluate("document.getElementById('chart-tool_velocity').scrollIntoView()")
     tab.click("#whole")
     until(tab, "() => !document.getElementById('chart-tool_velocity').plots[0].across.range[0]")
@@ -378,7 +378,7 @@ def show_whole_run(tab):
 
 
 def distance(points, line):
-    """Of points from a line through others, from left to right."""
+    """Distances of points (n, 2) from a polyline whose points are sorted from left to right."""
     near = np.full(len(points), np.inf)
     at = np.searchsorted(line[:, 0], points[:, 0])
     for shift in range(-6, 7):

@@ -1,4 +1,4 @@
-"""The page on a sweep."""
+"""Reports on sweeps: the page and the PDF."""
 
 import dataclasses
 import json
@@ -33,7 +33,7 @@ def swept(folder, axes, options):
 
 @pytest.fixture(scope="module")
 def grid(tmp_path_factory):
-    """A store with failed cases, and a name that is no name."""
+    """A store with failed cases, and with a name that holds HTML."""
     return swept(tmp_path_factory.mktemp("grid"), AXES, "repeats = 2")
 
 

@@ -287,7 +287,7 @@ class PlayBudget(Budget):
         return np.asarray(free.sum(axis=0))
 
     def compensated(self, pose: int, trust: float, friction: float = 0.0) -> float:
-        """Largest error at rest of a motion that takes the play out (`compensate`) [m].
+        """Largest error at rest of a motion that compensates the play (`compensate`) [m].
 
         It is the sum of the distance from rest in which friction can hold the tool, of the unknown
         part of the play's displacement at rest, and of the displacement by journals that the joints

@@ -1,4 +1,7 @@
-"""The command line: a module for each command, and one line that says what is wrong."""
+"""The command line: finds and runs the module of a command, and reports errors.
+
+Each command is a module in `commands`. An error is one line, and an exit status (`main`).
+"""
 
 import argparse
 import ast
@@ -24,10 +27,10 @@ from jointplay.cli.commands import FRONT, GROUPS, KINDS
 from jointplay.cli.options import BAD_INPUT, FLAG, STOPPED, Parser
 
 SHELLS = ("bash", "zsh", "fish", "tcsh")
-"""For which `completion` can be had."""
+"""Shells for which there is a `completion`."""
 
 FIRST = 'jointplay run ar4 --gear joint_2="0.5 deg" --out ar4'
-"""What a newcomer types, of a robot that ships."""
+"""A first command for newcomers, with a robot that ships."""
 
 ENDING = """jointplay COMMAND --help shows what is needed most often, --help all everything.
 Values are in SI units (m, s, kg, N, rad), or carry a unit, as in "0.1 mm"."""
@@ -41,7 +44,7 @@ class _Whole(Parser):
 
 
 def parser(only: str | None = None) -> Parser:
-    """The parser of the command line, of all commands or, which is sooner made, only of one."""
+    """The parser of the command line; with options of all commands, or faster of `only` one."""
     whole = _Whole(prog="jointplay")
     whole.set_defaults(path=())
     whole.add_argument("--version", **FLAG, help="print the version and exit")
@@ -61,16 +64,16 @@ def parser(only: str | None = None) -> Parser:
 
 
 def _module(path: Sequence[str]) -> tuple[ModuleType, str, list[str]]:
-    """The module of a command; of its docstring the summary and the further paragraphs."""
+    """The module of a command, and from its docstring the summary and the further paragraphs."""
     module = importlib.import_module(f"jointplay.cli.commands.{'.'.join(path)}")
-    # Without docstrings (python -OO) they are in the source.
+    # Under python -OO there are no docstrings: it is read from the source.
     text = module.__doc__ or ast.get_docstring(ast.parse(inspect.getsource(module)), clean=False)
     title, *prose = (" ".join(part.split()) for part in (text or "").strip().split("\n\n"))
     return module, title.partition(": ")[2].rstrip("."), prose
 
 
 def parsers() -> dict[str, Parser]:
-    """The parser of every command, by the words that are typed for it, such as ``study sweep``."""
+    """The parser of every command by its words, such as ``study sweep``."""
     commands = parser().choices()
     for name in KINDS:
         group = commands.pop(name)
@@ -79,7 +82,7 @@ def parsers() -> dict[str, Parser]:
 
 
 def completion(shell: str) -> str:
-    """What has a shell complete commands, options, their words and files.
+    """A script that lets a shell complete commands, options, choices and files.
 
     Raises:
         JointplayError: shtab, which writes it, is not installed.
@@ -87,12 +90,12 @@ def completion(shell: str) -> str:
     with extra("completion", "shtab"):
         import shtab
     whole = parser()
-    parsers_left = [whole]
-    for command in parsers_left:
+    pending = [whole]
+    for command in pending:  # which grows by the commands of each
         command.explain()
         for action in command._actions:
             if isinstance(action, argparse._SubParsersAction):
-                parsers_left += action.choices.values()
+                pending += action.choices.values()
             elif any(word in str(action.metavar) for word in ("FILE", "RESULT", "CSV", "DATA")):
                 action.complete = shtab.FILE  # type: ignore[attr-defined]
             elif action.metavar in ("DIR", "STORE"):
@@ -101,7 +104,7 @@ def completion(shell: str) -> str:
 
 
 def overview() -> str:
-    """What `jointplay` alone prints: the commands by what they are for, and where to begin."""
+    """The text of `jointplay` without a command: the commands by purpose, and where to begin."""
     lines = [
         "jointplay simulates robots and linkages whose joints have play: each journal flies, hits,",
         "slides and tilts in its bearing, and the tool loses accuracy.",
@@ -119,7 +122,7 @@ def overview() -> str:
 
 
 def _add_command(commands: Any, path: tuple[str, ...]) -> Parser:
-    """Add the parser of the command of a module, which declares its options."""
+    """Add the parser of a command, with the options that its module declares."""
     module, summary, prose = _module(path)
     parser: Parser = commands.add_parser(
         path[-1],
@@ -135,42 +138,42 @@ def _add_command(commands: Any, path: tuple[str, ...]) -> Parser:
 
 
 _GARBAGE = (50_000, 20, 50)
-"""When garbage is collected: by Python's own thresholds it takes a tenth of a short run."""
+"""Thresholds of garbage collection: with Python's own it takes a tenth of a short run."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line; returns the exit status.
+    """Run the command line and return the exit status.
 
-    0: done, also if told to stop when all was computed: then it is saved. 1: the simulation
-    stopped early (kept as far as it came). 2: wrong input. 3: an alarm of `identify`. 130: told
-    to stop by Ctrl-C, SIGTERM or SIGHUP before all was computed (likewise kept).
+    0: done, also if interrupted once everything was computed, which is then saved. 1: the
+    simulation stopped early; what was done is kept. 2: wrong input. 3: an alarm of `identify`.
+    130: interrupted by Ctrl-C, SIGTERM or SIGHUP before all was computed; what was done is kept.
     """
     with streams.forgiving() as output:
         try:
             typed = sys.argv[1:] if arguments is None else arguments
-            if arguments is None:  # a process of our own
+            if arguments is None:  # this process runs nothing else
                 gc.set_threshold(*_GARBAGE)
-                # Of matrices as small as a machine's, threads of numpy's wait for each other.
+                # On matrices as small as a machine's, numpy's threads only wait for each other.
                 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
             command = parser(next((word for word in typed if not word.startswith("-")), ""))
             options = command.parse_args(typed)
             with signals.listening():
                 status = _command(command, options)
-            output.finish()  # what cannot be written must show here
+            output.finish()  # so that a failure to print raises here
             return status
-        except OSError as error:  # of a file that has a name, else standard output on a full disk
+        except OSError as error:  # about the file it names, or else standard output on a full disk
             full = error.errno in (errno.ENOSPC, errno.EFBIG, errno.EDQUOT)
             what = "cannot print" if full or error is output.failure else "the system reports"
             if error.filename:
                 what = f"cannot use {str(error.filename)!r}"
             print(f"jointplay: error: {what}: {one_line(error.strerror or error)}", file=sys.stderr)
             return STOPPED
-        except KeyboardInterrupt:  # once more, while ending
+        except KeyboardInterrupt:  # a second interrupt, while the first is handled
             return INTERRUPTED
 
 
 def _command(parser: Parser, options: argparse.Namespace) -> int:
-    """Do what the options say; errors are one line."""
+    """Run the command that the options name; an error is reported in one line."""
     if options.version:
         from importlib.metadata import version
 
@@ -192,7 +195,7 @@ def _command(parser: Parser, options: argparse.Namespace) -> int:
             module = importlib.import_module(f"jointplay.cli.commands.{'.'.join(options.path)}")
             if not getattr(options, "json", False):
                 return int(module.run(options))
-            options.json = sys.stdout  # on which nothing else is to stand
+            options.json = sys.stdout  # nothing but JSON may be printed there
             with redirect_stdout(io.StringIO()):
                 return int(module.run(options))
     except NothingHasPlay as error:
@@ -204,8 +207,8 @@ def _command(parser: Parser, options: argparse.Namespace) -> int:
     except KeyboardInterrupt as error:
         return _interrupted(str(error))
     except (ArithmeticError, ValueError, RuntimeError) as error:
-        # Converters written in C report the interrupt as a wrong value, and Python 3.11 as a
-        # RuntimeError where it falls into the making of a class.
+        # An interrupt inside a converter written in C raises ValueError, and in Python 3.11 one
+        # during the creation of a class raises RuntimeError.
         if signals.stop_requested():
             return _interrupted("")
         numpy = sys.modules.get("numpy")
@@ -220,7 +223,7 @@ def _command(parser: Parser, options: argparse.Namespace) -> int:
 
 
 def _interrupted(lost: str) -> int:
-    """Say what was given up, and what is there."""
+    """Report an interrupt: what was given up (`lost`), and which files exist."""
     from jointplay.base import files
 
     files.remove_made_folders()
@@ -234,7 +237,7 @@ def _interrupted(lost: str) -> int:
 
 
 def _refuse(options: argparse.Namespace, reason: str) -> int:
-    """Say why there are no results, and remove the folders that were made for them."""
+    """Report why there are no results, and remove the folders that were made for them."""
     from jointplay.base import files
 
     files.remove_made_folders()

@@ -1,7 +1,7 @@
-"""How options of commands are read and explained: argparse, with one line for what is wrong.
+"""Options of commands: argparse with units, shared declarations, two sizes of help, short errors.
 
-A command's module declares them in `declare`, by argparse's ``add_argument``; its docstring is the
-head of its help. `--help` shows those that are needed most often, `--help all` everything.
+A command's module declares options in `declare`, by argparse's ``add_argument``; its docstring
+heads its help. `--help` shows the options that are needed most often, `--help all` everything.
 """
 
 import argparse
@@ -17,11 +17,11 @@ from jointplay.base.pairs import quantity
 STOPPED, BAD_INPUT = 1, 2
 ALL = "{} --help all shows every option, with more about each."
 LONG_DEFAULT = 24
-"""Characters of a default that the short help shows (judged: longer ones are explanations)."""
+"""Longest default that the short help shows [letters] (judged: longer ones are explanations)."""
 
 
 class Number:
-    """What reads an option's value: a number in SI units, or text such as ``0.1 mm``."""
+    """Converts an option's text to a number in SI; the text is a number, or such as ``0.1 mm``."""
 
     def __init__(self, unit: str) -> None:
         self.unit = unit
@@ -34,15 +34,13 @@ class Number:
 
 
 BY_UNIT = {"m": "LENGTH", "kg": "MASS", "s": "TIME", "rad": "ANGLE", "N": "FORCE"}
-"""What stands for a value in the help, by its unit."""
-NUMBERS: list[dict[str, Any]] = [
-    {"metavar": word, "type": Number(u)} for u, word in BY_UNIT.items()
-]
+"""Placeholder of an option's value in the help, by unit."""
+NUMBERS: list[dict[str, Any]] = [{"metavar": w, "type": Number(u)} for u, w in BY_UNIT.items()]
 LENGTH, MASS, TIME, ANGLE, FORCE = NUMBERS
 
 
 def listed(text: str) -> list[str]:
-    """Names of an option that takes several, joined by commas; one with commas in double quotes.
+    """The names in a list joined by commas; a name with commas stands in double quotes.
 
     Raises:
         ArgumentTypeError: a quote that is not closed.
@@ -58,8 +56,8 @@ def listed(text: str) -> list[str]:
 FLAG: dict[str, Any] = {"action": "store_true"}
 REPEATED: dict[str, Any] = {"action": "append", "default": []}
 LISTS: dict[str, Any] = {"metavar": "LIST", "type": listed, "action": "extend", "default": []}
-"""How an option is declared that has no value, or that may be given several times: with a value, or
-a list, each time."""
+"""Declarations of an option without a value, of one that can be repeated, and of one that takes a
+list and can be repeated."""
 
 SHARED: dict[str, dict[str, Any]] = {
     "--case": {"metavar": "NAME", "help": "case of the scenario (not needed if there is only one)"},
@@ -74,11 +72,11 @@ SHARED: dict[str, dict[str, Any]] = {
         "help": "argument of a robot that is written in xacro"
     },
     "--assumed": {
-        **FLAG, "help": "list what nobody gave: values, by which rule, and what another would "
-        "change"
+        **FLAG, "help": "list the assumed values: the rule behind each, and what another value "
+        "would change"
     },
     "--write-preset": {
-        "metavar": "FILE", "help": "write the robot's joints with what was found, for --preset "
+        "metavar": "FILE", "help": "write the robot's joints with the values found, for --preset "
         "FILE of every command"
     },
     "--port": {"metavar": "N", "type": int, "default": 7000, "help": "port to listen on"},
@@ -89,17 +87,17 @@ SHARED: dict[str, dict[str, Any]] = {
         "a file that is read may name functions in it (none is imported otherwise)"
     },
 }  # fmt: skip
-"""Options that several commands have."""
+"""Options that several commands share."""
 
 FRONT = (
     *("set", "case", "joint", "clearance", "preset", "gear", "friction", "motion", "duration"),
     *("pose", "workspace", "payload", "tool"),
 )
-"""Options of groups that the short help shows nevertheless, after those of no group."""
+"""Options in groups that the short help shows, too, after the options without a group."""
 
 
 def full_help(action: argparse.Action) -> str:
-    """What is said of an option, with its unit, its default and whether it can be repeated."""
+    """The help of an option with its unit, its default, and whether it can be repeated."""
     text = (action.help or "").replace("%", "%%")
     if isinstance(action.type, Number) and action.type.unit:
         text = re.sub(r"(?= \(default|$)", f" [{action.type.unit}]", text, count=1)
@@ -111,7 +109,7 @@ def full_help(action: argparse.Action) -> str:
 
 
 def in_short(action: argparse.Action) -> argparse.Action:
-    """An option with the beginning of its help, its unit and its default."""
+    """A copy of an option for the short help: the help's first clause, unit and default."""
     text = full_help(action)
     ends = re.findall(r"(?<= )\[[^]]+\](?= \(|$)", text)[:1]
     ends += re.findall(r"\((?:default|required)[^)]*\)", text)[:1]
@@ -142,26 +140,26 @@ class _Formatter(argparse.HelpFormatter):
 
 
 class Parser(argparse.ArgumentParser):
-    """Says what is wrong in one line, and takes -1e-4 and -1,0,0 for values, not for options."""
+    """A parser whose errors are one line, and which takes -1e-4 and -1,0,0 for values."""
 
     def __init__(self, *args: Any, **options: Any) -> None:
         options |= {"add_help": False, "allow_abbrev": False, "conflict_handler": "resolve"}
         super().__init__(*args, **options | {"formatter_class": _Formatter})
         self._negative_number_matcher = re.compile(r"-\.?\d")
         self.explained: dict[str, Callable[[], tuple[str, str]]] = {}
-        """By option what gives its help and what stands for its value, where that takes long."""
+        """Functions that return help and placeholder of options for which that takes long."""
         self.behind = {self.add_argument("-h", "--help", action=_Help, dest="help").dest}
-        """Options of no group that only the long help shows."""
+        """Options without a group that only the long help shows."""
 
     def share(self, *names: str, group: str = "") -> None:
-        """Add options that several commands have, to a group of the help."""
+        """Add options of `SHARED`, to a group of the help if one is named."""
         for name in names:
             place = self.add_argument_group(group) if group else self
             action = place.add_argument(name, **SHARED[name])
             self.behind |= {action.dest} & {"case", "jobs", "quiet", "json", "import"}
 
     def add_argument_group(self, title: Any = None, *args: Any, **about: Any) -> Any:
-        """A group of this title; the one that has it already, if there is one."""
+        """The group with this title, which is made if there is none yet."""
         known = (group for group in self._action_groups if group.title == title)
         return next(known, None) or super().add_argument_group(title, *args, **about)
 
@@ -173,17 +171,18 @@ class Parser(argparse.ArgumentParser):
         return super()._get_values(action, arg_strings)  # type: ignore[misc]
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
-        """Also what has its place behind options: argparse takes all places at the first."""
+        """Parse, also optional positionals behind options: argparse fills all of them, with nothing
+        if need be, at the first positional."""
         options, left = super().parse_known_args(args, namespace)
         for action in self._actions:
             empty = action.nargs == "?" and getattr(options, action.dest, None) is None
             if not action.option_strings and empty and left and not left[0].startswith("-"):
                 setattr(options, action.dest, self._get_value(action, left.pop(0)))
-        if left and self._subparsers is None:  # else who holds this command's parser says it
+        if left and self._subparsers is None:  # else the command's own parser has reported it
             begun = [name for name in self._option_string_actions if name.startswith(left[0])]
             hint = closest(left[0], begun or self._option_string_actions, 0.5 if begun else 0.75)
-            said = "; ".join(filter(None, (" ".join(left), hint.strip())))
-            self.error(f"unrecognized arguments: {said}")
+            message = "; ".join(filter(None, (" ".join(left), hint.strip())))
+            self.error(f"unrecognized arguments: {message}")
         return options, left
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:
@@ -194,23 +193,23 @@ class Parser(argparse.ArgumentParser):
             self.error(one_of(name, value, action.choices))
 
     def explain(self) -> None:
-        """Fill in help that takes long."""
+        """Fill in the help that takes long to find (`explained`)."""
         for action in self._actions:
             if action.dest in self.explained:
                 action.help, action.metavar = self.explained[action.dest]()
 
     def help_text(self, every: bool) -> str:
-        """The help, with every option, or on one screen those that are most often needed."""
+        """The help with every option, or on one screen the options needed most often."""
         self.explain()
-        asked = []
+        required = []  # what the usage line shows: positional and required arguments
         for action in self._actions:
             if action.option_strings and not action.required:
                 continue
             value = str(action.metavar or f"{{{','.join(map(str, action.choices or ()))}}}")
             if action.nargs in ("+", "?"):
                 value = f"{value} ..." if action.nargs == "+" else f"[{value}]"
-            asked.append(" ".join([*action.option_strings[:1], value]))
-        self.usage = " ".join([self.prog, *asked, "[options]"])
+            required.append(" ".join([*action.option_strings[:1], value]))
+        self.usage = " ".join([self.prog, *required, "[options]"])
         if every:
             return self.format_help()
         formatter = argparse.HelpFormatter(self.prog, max_help_position=28)
@@ -236,6 +235,6 @@ class Parser(argparse.ArgumentParser):
         self.exit(BAD_INPUT, f"{self.prog}: error: {message} (see {self.prog} --help)\n")
 
     def choices(self) -> dict[str, "Parser"]:
-        """The parsers of its commands, or of the kinds of one."""
+        """The parsers of its commands, or of a command's kinds, by name."""
         (action,) = (a for a in self._actions if isinstance(a, argparse._SubParsersAction))
         return dict(action.choices)

@@ -1,7 +1,8 @@
-"""What people look at: figures, reports, playback in a browser, the live page.
+"""Figures, reports, playback in a browser, and the live page.
 
-`plots` draws results, budgets and studies, `reports` are pages about runs, `player` moves a robot
-in the browser (meshcat), `live` answers sliders. Nothing here computes what another package could.
+`plots` draws results, budgets and studies; `reports` writes pages about runs; `player` moves a
+robot in the browser (meshcat); `live` serves a page with sliders. What they show is computed by the
+packages below.
 """
 
 import lazy_loader

@@ -1,4 +1,9 @@
-"""A picture of a mechanism: its shapes shaded, joints with clearance and loops marked."""
+"""A picture of a mechanism: shaded shapes, marks at joints with clearance and loops, labels.
+
+Matplotlib draws whole triangles from far to near, without a depth buffer. So bodies are cut into
+small triangles first; then come rings and axes of joints, the tool's cross, and the labels, each
+placed where it covers least.
+"""
 
 from __future__ import annotations
 
@@ -28,32 +33,32 @@ from jointplay.model.scene import Scene
 _LIGHT_DIRECTION = np.array([0.35, -0.6, 0.72])
 """Towards the light, in world axes: from above the viewer's left shoulder, for either view below
 (judged; any that is no axis shows the faces of a box in three shades)."""
-_UNCOLOURED = "#c9d3df"  # of bodies of which a colouring says nothing
+_UNCOLOURED = "#c9d3df"  # bodies to which the given colours assign none
 _PLAY, _LOOP, _TOOL = "#d1352b", "#1f6fb4", "#222222"
-_TYPE_PT = 8.0  # size of words [points]
-_Note = tuple[np.ndarray, str]  # points of a mark (n, 3) [m] and the words that belong to it
-_HALO = [withStroke(linewidth=3.0, foreground="white")]  # round marks, which stand on any colour
-_CELL_PX = 4  # cells in which bodies and words are kept apart (judged: a third of a letter)
-_NEAR_PT, _FAR_PT = 10.0, 160.0  # of words from their marks [points], judged: a line, and some
+_TYPE_PT = 8.0  # size of labels [points]
+_Label = tuple[np.ndarray, str]  # points of a mark (n, 3) [m] and its text
+_HALO = [withStroke(linewidth=3.0, foreground="white")]  # lets marks stand out on any colour
+_CELL_PX = 4  # cell of the grids that keep labels off bodies (judged: a third of a letter) [pixels]
+_NEAR_PT, _FAR_PT = 10.0, 160.0  # distances of labels from their marks [points] (judged)
 _CROWDED, _CROSSED, _MARKED = 1e3, 30.0, 20.0
-"""Costs of words on words, of lines across words and of words on marks, in points by which words
-could stand farther away instead; each point of a body costs one (judged by pictures)."""
-_RING_RADIUS = 0.06  # of the marks, relative to the mechanism's size (judged)
+"""Costs of a cell of label on a label, of a leader line across a label and of a label on a mark, in
+points of distance from the mark; each point of a body costs one (judged by pictures)."""
+_RING_RADIUS = 0.06  # of a joint's ring, relative to the mechanism's size (judged)
 _LONGEST_SIDE = 0.03
-"""Of a triangle, relative to the mechanism's size: matplotlib sorts whole triangles by depth, so
-that long ones cover what stands before them (judged by pictures of the shipped robots)."""
+"""Longest side of a triangle, relative to the mechanism's size: matplotlib sorts whole triangles by
+depth, so that long ones cover what is in front of them (judged by pictures of shipped robots)."""
 _MANY_TRIANGLES = 2000
-"""Of a body: with as many it needs no cutting, for its sides are short; with more than that what is
-too small to be seen is left out (judged)."""
+"""Triangles of a body from which on it is not cut, as its sides are short, but thinned: details too
+small to be seen are left out (judged)."""
 _SMALLEST_DETAIL = 1.0 / 300.0
-"""That is drawn, relative to the mechanism's size: some two pixels."""
+"""Smallest detail that is drawn, relative to the mechanism's size: some two pixels."""
 _FARTHEST_M = 1e6  # from the origin; shapes that reach farther are mistakes of scale (judged)
-_ZOOM = 1.1  # of the box of axes, unless it leaves the picture then
+_ZOOM = 1.1  # of the box of axes, less where it would not fit into the picture
 _MOST_NUMBERS = 1.8
-"""Along the longest axis for each inch of the picture's shorter side, of which it takes 0.6;
-numbers of 7 pt are 0.3 in wide (judged by pictures of the shipped robots)."""
+"""Numbers along the longest axis for each inch of the picture's shorter side, of which it takes
+0.6; numbers of 7 pt are 0.3 in wide (judged by pictures of the shipped robots)."""
 _FLAT_HEIGHT = 0.4
-"""Relative to the largest extent: a mechanism that is less high is seen from further above. The
+"""Height over largest extent below which a mechanism is flat, and seen from further above. The
 shipped linkages have 0.09 to 0.18, a UR5 that lies stretched out 0.22, the others 0.5 and more."""
 
 
@@ -70,11 +75,11 @@ def picture(
     labels: Mapping[str, str] | None = None,
     size_in: tuple[float, float] = (8.0, 5.5),
 ) -> Figure:
-    """Draw a mechanism as it stands, in parallel projection.
+    """Draw a mechanism in a configuration, in parallel projection.
 
-    Joints with clearance are marked by a ring about their axis, their name and the room that the
-    journal has; ideal loops likewise, in another colour. Where there is nothing to show, or a mesh
-    is missing, simple shapes stand in, and the picture says so.
+    Joints with clearance are marked by a ring about their axis, their name and their play; ideal
+    loops likewise, in another colour. Simple shapes stand in for links without shapes and for
+    missing meshes, which the picture names.
 
     Args:
         mechanism: what to draw.
@@ -82,15 +87,15 @@ def picture(
         title: above the picture.
         view: azimuth and elevation of the viewer [deg]; None looks from the side, and from further
             above where the mechanism is flat.
-        folders: where meshes may be, too.
+        folders: further folders to look for meshes in.
         colours: of bodies, by the name of the joint that carries them, as #rrggbb.
-        scale: what the colours mean and its name, for a bar beside the picture.
-        labels: by joint, what stands beside the marks of joints with clearance instead of their
-            play; joints without get a point.
+        scale: colour scale and its name, for a colour bar.
+        labels: by joint, the text beside its mark instead of its play; joints without clearance are
+            marked by a point.
         size_in: width and height [inches].
 
     Returns:
-        A figure of its own; save it with its `savefig`.
+        A new figure; save it with its `savefig`.
 
     Raises:
         JointplayError: q of the wrong shape; loops that cannot be closed; no such folder; a shape
@@ -113,7 +118,7 @@ def picture(
     if view is None:
         flat = high[2] - low[2] < _FLAT_HEIGHT * float((high - low).max())
         view = (-70.0, 55.0) if flat else (-60.0, 24.0)
-    # Matplotlib sorts whole triangles by depth, which needs them small.
+    # Small triangles, whose depths matplotlib can sort.
     pieces, sides = zip(
         *(_coarse(_cut(body, _LONGEST_SIDE * size), _SMALLEST_DETAIL * size) for body in bodies),
         strict=True,
@@ -123,12 +128,13 @@ def picture(
 
     figure = Figure(figsize=size_in, layout="constrained")
     axes: Any = figure.add_subplot(projection="3d", proj_type="ortho", computed_zorder=False)
-    # Either side may be the outer one: not all mesh files wind their triangles alike.
+    # Both sides of a triangle are shaded alike: mesh files differ in the winding of triangles.
     shade = 0.45 + 0.5 * np.abs(normals @ (_LIGHT_DIRECTION / np.linalg.norm(_LIGHT_DIRECTION)))
     faces = np.clip(np.concatenate(tones) * shade[:, None], 0.0, 1.0)
     look: dict[str, Any] = {"facecolors": faces, "edgecolors": faces, "linewidths": 0.2}
     axes.add_collection3d(Poly3DCollection(triangles, zorder=1, **look))
-    notes: list[_Note] = []
+    # Marks: rings at joints with clearance and loops, points at others with labels, the tool.
+    notes: list[_Label] = []
     for joint in scene.joints:
         if not joint.hinge:
             colour = (_PLAY if colours is None else _TOOL) if joint.play else _LOOP
@@ -147,6 +153,7 @@ def picture(
             notes.append((place[None], text))
     axes.plot(*tool[:, None], "+", color=_TOOL, ms=9, mew=1.5, zorder=5, path_effects=_HALO)
     notes.append((tool[None], mechanism.tool))
+    # The box of axes, about as large as the picture allows from this view.
     room = 0.08 * float((high - low).max())
     low, high = low - room, high + room
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
@@ -160,7 +167,7 @@ def picture(
     axes.tick_params(labelsize=7)
     shares = (high - low) / float((high - low).max())
     for axis, share in zip((axes.xaxis, axes.yaxis, axes.zaxis), shares, strict=True):
-        # Numbers along a short side would cover each other.
+        # Few numbers along a short side, where they would cover each other.
         count = int(np.clip(_MOST_NUMBERS * min(size_in) * share, 1, 4))
         axis.set_major_locator(MaxNLocator(count, min_n_ticks=1))
         axis.pane.set_alpha(0.15)
@@ -177,7 +184,7 @@ def picture(
 def _placed(
     scene: Scene, places: Mapping[str, pin.SE3], colours: Mapping[str, str] | None
 ) -> tuple[list[np.ndarray], list[np.ndarray]]:
-    """Triangles of every part where it stands (n, 3, 3) [m], and its colour."""
+    """Triangles of every part in world axes (n, 3, 3) [m], and its colour (rgb)."""
     mechanism, bodies, paints = scene.mechanism, [], []
     for shape in scene.look.shapes:
         place = places[shape.link].homogeneous @ shape.placement
@@ -198,10 +205,12 @@ def _placed(
 
 
 def _coarse(triangles: np.ndarray, grid: float) -> tuple[np.ndarray, np.ndarray]:
-    """The same surface without what is smaller than `grid`, which is not seen but takes long.
+    """A surface without details smaller than `grid`, which are not seen but take long to draw.
+
+    Corners move to the points of a grid; triangles that degenerate or coincide there are left out.
 
     Returns:
-        Triangles (n, 3, 3) [m], and the normal of each as it was before (n, 3).
+        Triangles (n, 3, 3) [m], and the normal that each had before (n, 3).
     """
     normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
@@ -215,7 +224,7 @@ def _coarse(triangles: np.ndarray, grid: float) -> tuple[np.ndarray, np.ndarray]
 
 
 def _cut(triangles: np.ndarray, longest: float) -> np.ndarray:
-    """The same surface in triangles whose sides are no longer than `longest`."""
+    """The surface cut into triangles whose sides are no longer than `longest`."""
     mesh = trimesh.Trimesh(triangles.reshape(-1, 3), np.arange(3 * len(triangles)).reshape(-1, 3))
     if not 0 < len(triangles) < _MANY_TRIANGLES or mesh.edges_unique_length.max() <= longest:
         return triangles
@@ -224,7 +233,7 @@ def _cut(triangles: np.ndarray, longest: float) -> np.ndarray:
 
 
 def _mark(axes: Any, place: pin.SE3, radius: float, colour: str) -> np.ndarray:
-    """A ring about a joint's axis, and the axis; returns points of both (n, 3) [m]."""
+    """Draw a ring about a joint's axis, and the axis; return points of both (n, 3) [m]."""
     phi = np.linspace(0.0, 2.0 * np.pi, 61)
     ring = np.column_stack([radius * np.cos(phi), radius * np.sin(phi), 0.0 * phi])
     axle = np.linspace(-1.5 * radius, 1.5 * radius, 31)[:, None] * [0.0, 0.0, 1.0]
@@ -234,40 +243,42 @@ def _mark(axes: Any, place: pin.SE3, radius: float, colour: str) -> np.ndarray:
     return np.concatenate([ring, axle])
 
 
-def _write(axes: Any, notes: Sequence[_Note], triangles: np.ndarray) -> None:
-    """Words beside bodies, marks and each other, a line from each to its mark.
+def _write(axes: Any, notes: Sequence[_Label], triangles: np.ndarray) -> None:
+    """Write labels beside bodies, marks and each other, with a leader line from each to its mark.
 
-    Of all places about its mark each text takes the cheapest.
+    A greedy search on a grid of cells: the labels take their places one after the other, from the
+    top down, each at the cheapest of the candidates about its mark: 24 directions, at distances
+    from `_NEAR_PT` on in steps of 10 points.
     """
     figure = axes.figure
-    figure.draw_without_rendering()  # which lays it out
+    figure.draw_without_rendering()  # lays the figure out, so that positions are final
     point = figure.dpi / 72.0
 
     def seen(points: np.ndarray) -> np.ndarray:
-        """Where points (n, 3) are in the picture (n, 2) [pixels]."""
+        """Projection of points (n, 3) [m] into the picture (n, 2) [pixels]."""
         flat = proj_transform(*points.T, axes.get_proj())[:2]
         pixels: np.ndarray = axes.transData.transform(np.column_stack(flat))
         return pixels
 
+    # Two grids: cost of covering bodies and marks, and cells that texts and leader lines occupy.
     corners = np.concatenate([triangles.reshape(-1, 3), triangles.mean(axis=1)])
     across, up = (np.arange(0.0, size + _CELL_PX, _CELL_PX) for size in figure.bbox.size)
     at_x, at_y = seen(corners).T
     bodies = np.histogram2d(at_x, at_y, (across, up))[0]
     lettering = np.zeros_like(bodies)
-
     last = np.array(bodies.shape) - 1
 
     def cells(low: np.ndarray, high: np.ndarray) -> tuple[slice, slice]:
-        """Those of a box of the picture [pixels]."""
+        """Cells of a box of the picture [pixels]."""
         start, stop = (np.maximum(corner // _CELL_PX, 0).astype(int) for corner in (low, high))
         return slice(start[0], stop[0] + 1), slice(start[1], stop[1] + 1)
 
     def at(points: np.ndarray) -> tuple[np.ndarray, ...]:
-        """Those of points (n, 2) [pixels]; a point beside the picture has the nearest."""
+        """Cells of points (n, 2) [pixels]; a point outside the picture gets the nearest cell."""
         return tuple(np.clip(points // _CELL_PX, 0, last).astype(int).T)
 
     def along(start: np.ndarray, end: np.ndarray, count: int) -> tuple[np.ndarray, ...]:
-        """Those on a line [pixels]."""
+        """Cells of `count` points on a line [pixels]."""
         return at(start + np.linspace(0.0, 1.0, count)[:, None] * (end - start))
 
     axles = (axes.xaxis, axes.yaxis, axes.zaxis)
@@ -278,9 +289,9 @@ def _write(axes: Any, notes: Sequence[_Note], triangles: np.ndarray) -> None:
     for text in (axes.title, *(axis.label for axis in axles), *numbers):
         box = text.get_window_extent()
         lettering[cells(box.min, box.max)] = 1.0
-    turns = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
-    ways = np.column_stack([np.cos(turns), np.sin(turns)])
-    tries = [(far, way) for far in np.arange(_NEAR_PT, _FAR_PT, 10.0) for way in ways]
+    angles = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
+    directions = np.column_stack([np.cos(angles), np.sin(angles)])
+    candidates = [(far, to) for far in np.arange(_NEAR_PT, _FAR_PT, 10.0) for to in directions]
     marks = [(seen(points), text) for points, text in notes]
     for outline, _ in marks:
         bodies[at(outline)] += _MARKED
@@ -292,11 +303,12 @@ def _write(axes: Any, notes: Sequence[_Note], triangles: np.ndarray) -> None:
         half = 0.5 * np.array(probe.get_window_extent().size) + point
         probe.remove()
         best = np.inf, centre, centre, centre
-        for far, way in tries:
-            middle = centre + far * point * way + half * np.clip(1.5 * way, -1.0, 1.0)
+        for far, to in candidates:
+            middle = centre + far * point * to + half * np.clip(1.5 * to, -1.0, 1.0)
             low, high = middle - half, middle + half
             if (low < 0.0).any() or (high > figure.bbox.size).any():
                 continue
+            # The leader line joins the label's box and the nearest point of the mark.
             mark = outline[np.linalg.norm(outline - np.clip(outline, low, high), axis=1).argmin()]
             near, box = np.clip(mark, low, high), cells(low, high)
             crossed = lettering[along(near, mark, 20)].sum()

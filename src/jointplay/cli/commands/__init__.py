@@ -1,8 +1,8 @@
-"""Commands of the command line, one module each, and what they have in common.
+"""The commands, a module each, and what they share: answers, notes, JSON, output files.
 
-The docstring of a module is the head of its help: summary, description, epilog. `declare` adds its
-options to its parser; `run` does the work and returns the exit status; what takes long to import is
-imported there.
+A command's docstring heads its help: summary, description, epilog. Its `declare` adds options to
+its parser; its `run` does the work and returns the exit status, and imports there what takes long
+to import.
 """
 
 import argparse
@@ -24,37 +24,35 @@ GROUPS = {
     "know": ("robots",),
     "the paper": ("scara",),
 }
-"""Commands by what they are for, each a module, in the order of the help."""
+"""Commands by purpose, in the order of the help; each is a module."""
 
 KINDS = {
     "study": ("sweep", "iso9283", "uncertainty", "wear", "dynamics", "hunting"),
     "export": ("result", "simulator", "urdf"),
 }
-"""Commands of several kinds: packages with a module for each."""
+"""Commands with several kinds: packages with a module for each kind."""
 
 FRONT = ("run", "study", "budget", "identify", "play", "live", "report", "export")
-"""What a newcomer is shown first."""
+"""Commands that the overview explains; it only names the others."""
 
 MEASURED = ("write_preset", "urdf", "mjcf")
-"""Options for files of a robot that was measured."""
+"""Options that write files of a measured robot."""
 MOST_NOTES = 3
-"""Lines about what was chosen and assumed that are printed without ``--detail`` (judged:
-tool, sizes and motion are those that decide most)."""
+"""Most notes that are printed without ``--detail`` (judged: tool, sizes and motion decide most)."""
 MORE = "(more with --detail)"
 
 
 def first_notes(lines: Iterable[str], detail: bool) -> list[str]:
-    """The first lines of those that say what was chosen and assumed, and every "note:" and warning.
+    """The first `MOST_NOTES` lines on choices and assumptions, and every "note:" and warning.
 
-    `detail`: all of them.
+    `detail`: all lines.
     """
-    shown: list[str] = []
-    left = MOST_NOTES
+    shown, left = list[str](), MOST_NOTES
     for line in lines:
-        heard = line.startswith(("note:", "warning:"))
-        if detail or heard or left:
+        always = detail or line.startswith(("note:", "warning:"))
+        if always or left:
             shown.append(line)
-            left -= not (detail or heard)
+            left -= not always
     return shown
 
 
@@ -66,13 +64,13 @@ def print_answer(
     more: bool = False,
     data: Callable[[], Mapping[str, Any]] = dict,
 ) -> None:
-    """Print an answer in a sentence, its tables, and of the notes the `first_notes`.
+    """Print an answer: a sentence, its tables, and the `first_notes`; or all of it as JSON.
 
     Args:
-        sentence, body, notes: the answer, its tables and what else to know, for readers.
-        options: of the command; ``--detail`` prints all notes, ``--json`` JSON instead.
-        more: whether the tables have more in detail.
-        data: gives the tables and numbers of the answer, for JSON.
+        sentence, body, notes: the answer, its tables, and further remarks.
+        options: of the command; ``--detail`` prints all notes, ``--json`` prints JSON instead.
+        more: whether ``--detail`` would show more of the tables.
+        data: returns the tables and numbers of the answer, for JSON.
     """
     notes, detail = list(dict.fromkeys(notes)), options.detail
     if getattr(options, "json", None):
@@ -85,22 +83,22 @@ def print_answer(
 
 
 def print_json(options: argparse.Namespace, answer: Mapping[str, Any]) -> None:
-    """Print an answer as JSON: SI units, null for what is no finite number.
+    """Print an answer as JSON: SI units, null for numbers that are not finite.
 
-    Keys of tables end with the unit; values have the origin that they have in `base.origins`.
+    Keys of tables end with the unit; values have their origin (`base.origins`).
     """
     text = json.dumps(for_json(answer), indent=1, ensure_ascii=False, allow_nan=False)
     print(text, file=options.json)
 
 
 def given(options: argparse.Namespace, *names: str) -> dict[str, Any]:
-    """Values of those options that were given, by name."""
+    """Values of the options among `names` that were given, by name."""
     values = {name: getattr(options, name) for name in names}
     return {name: value for name, value in values.items() if value is not None}
 
 
 def typed(options: argparse.Namespace, names: Iterable[str]) -> list[str]:
-    """Those options that were given, as they are typed."""
+    """The options among `names` that were given, as they are typed."""
     values = {name: getattr(options, name, None) for name in names}
     names_given = [name for name, value in values.items() if value not in (None, [], False)]
     return [f"--{name.replace('_', '-')}" for name in names_given]
@@ -123,10 +121,8 @@ class Outputs:
         return files.claim(self.folder, self.names) if self.folder else None
 
     def write(self, contents: Mapping[str, Any], further: str = "") -> None:
-        """Write texts, bytes and figures by name, each whole or not at all, and print their names.
-
-        `further` is what else the line says.
-        """
+        """Write texts, bytes and figures by name, each whole or not at all, and print their names
+        in a line that ends with `further`."""
         if self.folder is None:
             return
         for name, content in contents.items():
@@ -136,13 +132,13 @@ class Outputs:
 
 
 def describe(name: str, answer: Any) -> dict[str, str]:
-    """Contents of files with the table and all else of an answer."""
+    """An answer's files: its table as CSV, everything as JSON."""
     text = json.dumps(answer.describe(), indent=1) + "\n"
     return {f"{name}.csv": answer.data.csv(), f"{name}.json": text}
 
 
 def check_measured(options: argparse.Namespace, need: str) -> None:
-    """Refuse files of what is measured that exist, or for which `need` is lacking."""
+    """Refuse files of a measured robot that exist, or with --plan, which lacks what they `need`."""
     for option in typed(options, MEASURED):
         if options.plan:
             raise JointplayError(f"{option} needs {need}, not --plan")
@@ -150,6 +146,6 @@ def check_measured(options: argparse.Namespace, need: str) -> None:
 
 
 def write_preset(path: str, preset: Any) -> None:
-    """Write a preset of one's own, and say how to use it."""
+    """Write a preset with a robot's joints, and print how to use it."""
     files.write(Path(path), preset.text)
     print(f"written: {path}; every command takes it as --preset {path}")

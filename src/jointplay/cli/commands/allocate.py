@@ -1,9 +1,9 @@
 """`jointplay allocate`: the largest clearances and plays that keep the error below a target.
 
 Find the cheapest clearances and plays of gears that keep the tool's static error below a target,
-at a pose, along a motion or over the workspace, and the marginal cost of each; sizes given only
-say of which. With --whole, which cause of the whole error to improve at which joint. See
-docs/allocate.md.
+at a pose, along a motion or over the workspace, and the marginal cost of each; sizes that are given
+only name what to allocate. With --whole, find which cause of the whole error to improve at which
+joint. See docs/allocate.md.
 
 Example: jointplay allocate ur5 --clearance "0.1 mm" --target "0.2 mm" --workspace 200
 """
@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from jointplay.scenario.posed import PosedMachine
 
 
-_OF_CLEARANCES = ("quantile", "cost", "least", "most", "verify")
-_OF_THE_WHOLE = ("causes", "by_class", "keep", "limit", "statistical")
+_OF_CLEARANCES = ("quantile", "cost", "least", "most", "verify")  # options without --whole
+_OF_THE_WHOLE = ("causes", "by_class", "keep", "limit", "statistical")  # options with it
 
 
 # fmt: off
@@ -110,8 +110,7 @@ def run(options: argparse.Namespace) -> int:
             **inputs.whole_errors(options, posed.scenario),
         }
     if options.compensation is not None:
-        corrected = correction(options.compensation, options.trust or "")
-        more["offers"][COMPENSATION] = [corrected]
+        more["offers"][COMPENSATION] = [correction(options.compensation, options.trust or "")]
     elif options.trust is not None:
         raise JointplayError("--trust is of a corrected motion: give its price, --compensation")
     more |= {
@@ -170,7 +169,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _refuse_idle(options: argparse.Namespace, posed: PosedMachine) -> None:
-    """Refuse what says nothing of how far play lets the tool go."""
+    """Refuse options that do not affect how far play lets the tool go."""
     from jointplay.scenario.posed import AT_REST, IN_MOTION
 
     why = (
@@ -180,7 +179,7 @@ def _refuse_idle(options: argparse.Namespace, posed: PosedMachine) -> None:
     alone = options.whole is None and options.compensation is None
     if alone and options.force is not None:
         raise JointplayError(f"--force {why}")
-    if options.verify is not None:  # which simulates it
+    if options.verify is not None:  # the simulation takes all options
         return
     posed.refuse_idle(IN_MOTION, "acts on motion; --verify simulates it")
     if alone:

@@ -48,35 +48,35 @@ def run(options: argparse.Namespace) -> int:
         raise JointplayError("--ideal leaves nothing that has play; --whole has other causes")
     posed.refuse_idle(IN_MOTION, "acts on motion, and nothing moves here")
     posed.refuse_idle_friction(whole)
-    about: dict[str, Any] = {
+    arguments: dict[str, Any] = {
         "force": inputs.force_on_tool(options), "relative_to": body, **poses.holding
     }  # fmt: skip
     seen = [] if body is None else [f"seen from {body!r}, in its axes"]
     notes = [f"at: {poses.label}", *seen, *posed.notes]
     if whole:
         out.names.append("errors.png")
-        about |= inputs.whole_errors(options, posed.scenario)
+        arguments |= inputs.whole_errors(options, posed.scenario)
     else:  # figures of the robot are in the world
         out.names += ["bars.png", *([] if body else ["robot.png", "reach.png"])]
         of_kind = {"motion": ["course.png"], "workspace": [] if body else ["map.png"]}
         out.names += of_kind.get(poses.kind, [])
     out.claim()
-    errors: Any = budget(mechanism, poses.q, **about)
+    errors: Any = budget(mechanism, poses.q, **arguments)
     table, preset = errors.table(), inputs.chosen_preset(options)
     shown, sentence = [str(replace(table, notes=()))], errors.sentence
     if whole:
-        of_class = f"what nobody gave is that of class {about['kind']!r}"
+        of_class = f"values that are not given are those of class {arguments['kind']!r}"
         notes = [*[of_class] * bool(errors.assumed), *notes, *table.notes]
     else:
         above = [str(errors.by_pose(poses.names))] if poses.names else []
         above += [errors.worst_of(poses.names)] * (len(errors.worst) > 1)
         shown = [*above, *shown, errors.ranking, *filter(None, [errors.from_side_to_side])]
         notes += [*table.notes, errors.validity]
-        sentence += posed.undecided(any(about["force"]))
+        sentence += posed.undecided(any(arguments["force"]))
     if preset is not None and preset.intervals:
         from jointplay.estimate.machine import worst_at_ends  # takes long to import
 
-        shown += worst_at_ends(mechanism, preset.intervals, poses.q, **about)
+        shown += worst_at_ends(mechanism, preset.intervals, poses.q, **arguments)
     shown += [] if whole else [f"cure: {cure}" for cure in errors.cures]
 
     def data() -> dict[str, Any]:

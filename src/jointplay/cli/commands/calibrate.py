@@ -2,10 +2,11 @@
 
 Fit offsets, lengths, compliance, encoder errors and play of a robot's joints to static poses in
 which its tool was measured, or was at the same unknown point several times; base and tool may be
-anywhere. A cause is kept only if it predicts poses better that the fit has not seen. Of every
-joint's play: an interval, an upper bound, or why this measurement cannot tell. Columns of the CSV:
-JOINT motor [rad], JOINT link [rad], tool x [m] (y, z), tool rx [rad] (ry, rz: rotation vector), or
-marker NAME x [m], or point (names), and group (names); rows in the order of approach.
+anywhere. A cause is kept only if it improves the prediction of poses that the fit has not seen.
+Each joint's play gets an interval, an upper bound, or the reason why this measurement cannot tell
+it. Columns of the CSV: JOINT motor [rad], JOINT link [rad], tool x [m] (y, z), tool rx [rad] (ry,
+rz: rotation vector), or marker NAME x [m], or point (names), and group (names); rows in the order
+of approach.
 
 With --plan: the most informative poses.
 
@@ -29,15 +30,14 @@ if TYPE_CHECKING:
     from jointplay.estimate import Calibration
 
 TABLES = ("calibration.csv", "calibration.json", "residuals.csv", "calibration.png")
-ENCODERS, LOOPS = "encoders.csv", "loops.png"
+ENCODERS, LOOPS = "encoders.csv", "loops.png"  # of joints with two encoders; of hysteresis loops
 
 
 def _folds(text: str) -> int | str:
     folds = number(text)
     if isinstance(folds, int) or folds in ("rows", "groups", "points"):
         return folds
-    message = f"must be a number, rows, groups or points, got {text!r}"
-    raise argparse.ArgumentTypeError(message)
+    raise argparse.ArgumentTypeError(f"must be a number, rows, groups or points, got {text!r}")
 
 
 # fmt: off
@@ -103,22 +103,22 @@ def run(options: argparse.Namespace) -> int:
     payloads = []
     if options.payload is not None:
         payloads = [Payload(mechanism.tool, options.payload, centre=point)]
-    about: dict[str, Any] = {"payloads": payloads, "point": point}
-    about |= {} if scatter is None else {"error": scatter}
+    arguments: dict[str, Any] = {"payloads": payloads, "point": point}
+    arguments |= {} if scatter is None else {"error": scatter}
     notes = []
     if mechanism.tool_reason:
         notes.append(f"tool: {mechanism.tool!r} (chosen: {mechanism.tool_reason}; see --tool)")
     if options.plan:
-        plan = plan_calibration(mechanism, [*always, *terms], count=options.count, **about)
+        plan = plan_calibration(mechanism, [*always, *terms], count=options.count, **arguments)
         print_answer("", plan, notes, options)
         out.write({"plan.txt": f"{plan}\n"})
         return 0
     contents: dict[str, Any] = {}
     fits: list[Calibration] = []
     poses = read_poses(mechanism, options.csv)
-    if poses.link is not None:
-        asked = [*always, *terms] if options.term or options.always else None
-        fits += encoder_differences(mechanism, poses, payloads, asked)
+    if poses.link is not None:  # joints with two encoders: fit link less motor
+        chosen = [*always, *terms] if options.term or options.always else None
+        fits += encoder_differences(mechanism, poses, payloads, chosen)
         notes = [*(f"link less motor, {fit}\n" for fit in fits), *notes]
         contents[ENCODERS] = data([row for fit in fits for row in fit.rows]).csv(6)
         poses = poses.read_by_link(*options.link)
@@ -134,10 +134,10 @@ def run(options: argparse.Namespace) -> int:
     if notes and (options.detail or not measured or poses.link is not None):
         print("\n".join(notes))
         notes = []
-    if measured:
+    if measured:  # the tool's positions, or that it was at the same point
         progress = not options.quiet
-        about |= {"always": always, "folds": options.folds, "progress": progress}
-        fit = calibrate(mechanism, poses, terms, **about)
+        arguments |= {"always": always, "folds": options.folds, "progress": progress}
+        fit = calibrate(mechanism, poses, terms, **arguments)
         if options.detail:
             print(f"{fit.sentence}\n{fit}")
         else:
@@ -156,7 +156,7 @@ def run(options: argparse.Namespace) -> int:
     if options.out:
         from jointplay.show.plots.design import reversal_loops
 
-        # Of a joint with two encoders these show it best.
+        # Where a joint has two encoders their difference shows the loop best: later entries win.
         loops = {loop.joint: (loop, fit.play) for fit in fits[::-1] for loop in fit.loops}
         if loops:
             plays = [p for loop, play in loops.values() for p in play if p.plays(loop.joint)]
@@ -166,7 +166,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _write_robot(fit: Calibration, options: argparse.Namespace) -> None:
-    """Write the corrected robot, and say what it has."""
+    """Write the files of the corrected robot that are asked for, and print what each contains."""
     for path in filter(None, (options.urdf, options.mjcf)):
         from jointplay.bridges.measured_robot import write_corrected
 
@@ -176,7 +176,7 @@ def _write_robot(fit: Calibration, options: argparse.Namespace) -> None:
 
 
 def _scatter(text: str | None) -> tuple[float, float] | None:
-    """Of positions [m] and orientations [rad]."""
+    """Scatter of positions [m] and orientations [rad], of --scatter; None: to be estimated."""
     if text is None:
         return None
     length, _, angle = text.partition(",")

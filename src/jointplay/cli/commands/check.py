@@ -2,10 +2,9 @@
 
 Check a scenario without running it: its keys, values and units, the robot, and whether every case
 can start. Prints how the file was understood, and draws the mechanism at the start of the first
-case with clearance. Of a robot alone (URDF, xacro, MJCF) it says what it is made of, and all that
-is impossible or doubtful in it, each with link, line and what would be right, as an element to
-paste: an inertia is that of the link's mesh at its mass. All input options of jointplay run are
-accepted too.
+case with clearance. For a robot alone (URDF, xacro, MJCF) it lists what the robot consists of, and
+all that is impossible or doubtful, each with link, line and a correction to paste: an inertia is
+that of the link's mesh at its mass. All input options of jointplay run are accepted too.
 
 Example: jointplay check my.urdf --write fixed.urdf
 """
@@ -31,7 +30,7 @@ if TYPE_CHECKING:
     from jointplay.model.mechanism import Mechanism
 
 MARK = "jointplay check"
-"""In the PNG's metadata: a picture that this command may replace."""
+"""Text in the PNG's metadata: a picture with it may be replaced."""
 
 
 # fmt: off
@@ -47,8 +46,8 @@ def declare(parser: Parser) -> None:
     picture("--picture", metavar="PNG", help="picture of the mechanism (default: beside FILE, as "
         ".png)")
     picture("--no-picture", **FLAG, help="do not draw a picture")
-    add("--write", metavar="URDF", help="of a robot alone, write it with what would be right; of "
-        "xacro and MJCF as a URDF; nothing is overwritten")
+    add("--write", metavar="URDF", help="write a robot, named alone, with the corrections; xacro "
+        "and MJCF become a URDF; nothing is overwritten")
     parser.share("--json")
 # fmt: on
 
@@ -62,7 +61,7 @@ def run(options: argparse.Namespace) -> int:
         return 0
     if options.place is None:
         raise JointplayError("the argument FILE | ROBOT is missing: what is to be checked")
-    # Whether a robot's file is named and nothing else: neither play nor a motion.
+    # `bare`: only a robot is named, without play or a motion; then its file is diagnosed.
     asked = options.joint or options.gear or options.set or of_journals(options) or options.ideal
     named = options.preset is not None or options.motion is not None
     bare = not (is_scenario(options) or asked or named)
@@ -136,13 +135,13 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _place(options: argparse.Namespace, scenario: Any) -> tuple[Path, bool]:
-    """Where to draw, and whether a picture there is replaced."""
+    """Path of the picture, and whether it replaces an earlier one."""
     beside = scenario.path.with_suffix(".png")
-    # Nothing is drawn into packages.
+    # A file in a package has its picture in the current folder.
     if options.place.startswith(PREFIXES) or str(beside).startswith(PREFIXES):
         beside = Path(beside.name.rpartition(":")[2])
     path = Path(options.picture or beside)
-    # What an earlier check drew is of no value once the scenario has changed.
+    # A picture by an earlier check is outdated once the scenario has changed.
     replaced = options.picture is None and files.holds(path, MARK)
     try:
         if not replaced:

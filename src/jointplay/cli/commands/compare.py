@@ -26,8 +26,8 @@ def declare(parser: Parser) -> None:
     add("b", metavar="B", help="another one, or a measurement (.csv)")
     add("--out", metavar="DIR", help="folder for comparison.txt and the figures that compare both")
     parser.share("--pdf")
-    add("--shift", metavar="TIME", help="added to the measured times; found takes what fits best "
-        "(default: 0)")
+    add("--shift", metavar="TIME", help="shift of the measured times; found takes the one that "
+        "fits best (default: 0)")
     add("--ensemble", metavar="N", type=int, default=0, help="draw the band of N runs with "
         "perturbed starts, too")
     parser.share("--jobs", "--quiet", "--import")
@@ -71,8 +71,8 @@ def _beside(options: argparse.Namespace, out: Outputs) -> int:
     result = load_one(options.a)
     shift = options.shift or "0 s"
     late = None if shift == "found" else quantity(shift, "s", "--shift")
-    how = {"runs": options.ensemble, "jobs": options.jobs, "progress": not options.quiet}
-    comparison = beside_experiment(result, options.b, shift=late, **how)
+    arguments = {"runs": options.ensemble, "jobs": options.jobs, "progress": not options.quiet}
+    comparison = beside_experiment(result, options.b, shift=late, **arguments)
     print(comparison)
     if out.claim() is not None:
         from jointplay.show.plots.draw import draw

@@ -1,8 +1,8 @@
 """`jointplay compensate`: a motion corrected so that play does not displace the tool.
 
 Find on which side each joint rests along the motion, and shift the commands so that the tool is
-where the ideal robot's would be; then run both motions, also where the model may be wrong. What
-makes the error larger is not written. No promise about hardware. See docs/compensate.md.
+where the ideal robot's would be; then run both motions, also where the model may be wrong. A motion
+that makes the error larger is not written. Hardware may differ. See docs/compensate.md.
 
 Example: jointplay compensate so101 --preset --motion pick.csv --trust "play 30 %" --out corrected
 """
@@ -28,13 +28,13 @@ def declare(parser: Parser) -> None:
         'friction 50 %, payload 20 %, stiffness 30 %", or "identified, payload 20 %" with the '
         "intervals of --preset FILE (default: those, if it has any, or exact): both motions are "
         "run at the corners of that")
-    add("--approach", **FLAG, help="reach stops at which friction leaves open on which side teeth "
-        "lie from one side: the tool arrives aside, and the joint creeps while it stands")
-    add("--tool-size", **LENGTH, help="of the tool or what it holds: by that its turn is weighed "
-        "against its position (default: position first, the turn as far as that leaves joints "
+    add("--approach", **FLAG, help="where friction leaves open on which side teeth rest at a stop, "
+        "reach it from one side: the tool arrives aside, and the joint creeps while it stands")
+    add("--tool-size", **LENGTH, help="size of the tool or its load: weighs the tool's rotation "
+        "against its position (default: position first, rotation as far as that leaves joints "
         "free)")
-    add("--passes", metavar="N", type=int, default=0, help="correct by what own runs leave, at "
-        "most so often, as long as it improves")
+    add("--passes", metavar="N", type=int, default=0, help="correct further by the error that "
+        "remains in simulated runs, at most N times, as long as it improves")
     add("--out", metavar="DIR", help="folder for motion.csv, original.csv (run --beside compares "
         "with it), compensation.csv, corners.csv and error.png")
     add("--formats", type=listed, metavar="LIST", help="further files in DIR: yaml, mcap (ROS 2 "
@@ -51,8 +51,8 @@ def run(options: argparse.Namespace) -> int:
     from jointplay.bridges import backlash
     from jointplay.study.corners import EXACT, IDENTIFIED, judge, learn, trust_of
 
-    wanted = options.formats or []
-    backlash.refuse_unwritten(wanted, [*backlash.FILES, *backlash.FORMATS], options.out)
+    formats = options.formats or []
+    backlash.refuse_unwritten(formats, [*backlash.FILES, *backlash.FORMATS], options.out)
     preset = chosen_preset(options)
     measured = preset is not None and bool(preset.intervals)
     trust = trust_of(options.trust or (IDENTIFIED if measured else EXACT), preset)
@@ -69,7 +69,7 @@ def run(options: argparse.Namespace) -> int:
         compensation, errors = learn(compensation, options.passes)
         passes = ", ".join(f"{1e3 * error:.4g}" for error in errors)
         notes.append(f"RMS error by pass: {passes} mm; {compensation.learned} kept")
-    further, lost = backlash.corrected_files(compensation, wanted)
+    further, lost = backlash.corrected_files(compensation, formats)
     judged = judge(compensation, trust, jobs=options.jobs, progress=progress)
     body = f"{compensation.table()}\n{judged.table()}" if options.detail else judged.table()
     notes += [*judged.notes, *compensation.notes, *lost]

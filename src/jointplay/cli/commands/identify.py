@@ -4,7 +4,7 @@ Identify clearances, friction and gear play from measured signals, with 95 % con
 or state that this measurement cannot determine a value and which further measurement would. Means
 over stops and slow stretches are compared with the static model; readings of a dial gauge tell the
 play of single joints. With --plan: the most informative poses and motions; with --against: what has
-changed since an earlier measurement. Axes of a printer or a mill moved forth and back under a dial
+changed since an earlier measurement. Axes of a printer or a mill moved back and forth under a dial
 need no robot: jointplay identify stairs.csv. docs/identify.md lists the columns of a measurement.
 
 Example: jointplay identify my_robot.toml measured.csv --out worn
@@ -33,12 +33,12 @@ if TYPE_CHECKING:
 OF_MOTIONS = (
     *("known", "also", "known_stiffness", "lag", "signal", "source", "map", "episode", "world"),
 )
-"""Options that readings of a dial gauge have no use for."""
+"""Options for measurements in motion, which readings of a dial gauge refuse."""
 OF_AXES = (
     *("command", "path", "place", "data", "noise", "reference", "drift", "count"),
     *("formats", "out", "json", "detail", "quiet"),
 )
-"""Options of axes without a robot, and those that have a value in any case."""
+"""Options for axes without a robot, and those that always have a value."""
 LOOPS = "loops.png"
 
 
@@ -88,7 +88,7 @@ def declare(parser: Parser) -> None:
     add = parser.add_argument_group("plan").add_argument
     add("--plan", nargs="?", metavar="KIND", const="motion", choices=("motion", "dial",
         "lost-motion"), help="propose what to measure: motion, poses and motions of the robot; "
-        "dial, where to set a dial gauge and how to push; lost-motion, moves forth and back under "
+        "dial, where to set a dial gauge and how to push; lost-motion, moves back and forth under "
         "a dial, without forces")
     add("--signal", choices=("tool", "link", "torque"), **REPEATED, help="signal that can be "
         "measured besides the motors' encoders; by default tool")
@@ -144,10 +144,10 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _plan(options: argparse.Namespace) -> None:
-    """Propose what to measure: poses and motions, where to set a dial, moves forth and back."""
+    """Propose what to measure: motions, places of a dial gauge, or moves to and fro under one."""
     further = {"dial": ["dial.csv"], "lost-motion": ["lost_motion.csv", "lost_motion.gcode"]}
     out = Outputs(options.out, ["plan.txt", *further.get(options.plan, [])])
-    posed, how = (
+    posed, known = (
         (posed_machine(options), _known(options)) if options.plan == "motion" else _gauged(options)
     )
     out.claim()
@@ -160,12 +160,12 @@ def _plan(options: argparse.Namespace) -> None:
         friction = None if posed.simulation is None else posed.simulation.joint_friction
         plan = plan_measurement(
             posed.mechanism, signals=options.signal or ["tool"], count=options.count,
-            joint_friction=friction, **push, **how,
+            joint_friction=friction, **push, **known,
         )  # fmt: skip
     elif options.plan == "dial":
         from jointplay.estimate.gauge import plan_gauge
 
-        plan = plan_gauge(posed.mechanism, joints, noise=how["noise"], **push)
+        plan = plan_gauge(posed.mechanism, joints, noise=known["noise"], **push)
         contents = {"dial.csv": plan.csv()}
     else:
         from jointplay.estimate.lost_motion import plan_lost_motion
@@ -177,16 +177,16 @@ def _plan(options: argparse.Namespace) -> None:
 
 
 def _motion(options: argparse.Namespace) -> None:
-    """Take signals over time."""
+    """Identify from signals over time: a CSV, a bag or a dataset."""
     names = ["identified.csv", "identified.json", "identified.png", LOOPS]
     out = Outputs(options.out, names)
     data = _recording(options, options.data)
     posed = posed_machine(options)
-    machine, about = _of_motion(options, posed)
+    machine, known = _of_motion(options, posed)
     out.claim()
     from jointplay.estimate import identify
 
-    fit = identify(machine, data, **about)
+    fit = identify(machine, data, **known)
     notes = list(posed.notes)
     if options.gear and posed.simulation is None:
         notes.append(
@@ -204,13 +204,13 @@ def _motion(options: argparse.Namespace) -> None:
 
 
 def _readings(options: argparse.Namespace, stairs: bool) -> None:
-    """Take readings of a dial gauge, under forces, or where a joint turns back (`stairs`)."""
+    """Identify from a dial gauge's readings, under forces or at reversals of a joint (`stairs`)."""
     from jointplay.bridges import backlash
 
-    wanted = options.formats or []
-    backlash.refuse_unwritten(wanted, backlash.FORMATS, options.out)
+    formats = options.formats or []
+    backlash.refuse_unwritten(formats, backlash.FORMATS, options.out)
     out = Outputs(options.out, ["identified.csv", "identified.json", LOOPS])
-    posed, how = _gauged(options) if options.place else (None, {"noise": _noise(options)})
+    posed, known = _gauged(options) if options.place else (None, {"noise": _noise(options)})
     out.claim()
     fit: Any
     notes, further = [] if posed is None else list(posed.notes), dict[str, str]()
@@ -218,16 +218,16 @@ def _readings(options: argparse.Namespace, stairs: bool) -> None:
         from jointplay.estimate.lost_motion import WEIGHTLESS, axes_of_table, identify_lost_motion
 
         mechanism = axes_of_table(options.data) if posed is None else posed.mechanism
-        noise = how["noise"].get("tool", how["noise"].get("link"))
-        fit = identify_lost_motion(mechanism, options.data, scatter=noise, pose=how.get("pose"))
+        noise = known["noise"].get("tool", known["noise"].get("link"))
+        fit = identify_lost_motion(mechanism, options.data, scatter=noise, pose=known.get("pose"))
         reversals = backlash.Reversals.of(fit.mechanism, fit.plays)
-        further, lost = backlash.tables_of(reversals, wanted)
+        further, lost = backlash.tables_of(reversals, formats)
         notes += [*([WEIGHTLESS] if posed is None else []), *lost]
     else:
         from jointplay.estimate.gauge import identify_gauged
 
         assert posed is not None
-        fit = identify_gauged(posed.mechanism, options.data, progress=not options.quiet, **how)
+        fit = identify_gauged(posed.mechanism, options.data, progress=not options.quiet, **known)
     _answer(fit, posed, notes, options)
     if commands.typed(options, commands.MEASURED):
         preset = fit.preset(robot_named(options))
@@ -242,6 +242,7 @@ def _readings(options: argparse.Namespace, stairs: bool) -> None:
 def _answer(
     fit: Any, posed: PosedMachine | None, notes: list[str], options: argparse.Namespace
 ) -> None:
+    """Print what was identified."""
     print_answer(
         fit.sentence,
         replace(fit, notes=()),
@@ -273,17 +274,17 @@ def _changes(options: argparse.Namespace) -> None:
     if gauged[0]:
         from jointplay.estimate.gauge import gauge_problems
 
-        posed, how = _gauged(options)
+        posed, known = _gauged(options)
         out.claim()
-        old, new = (gauge_problems(posed.mechanism, path, **how) for path in paths)
+        old, new = (gauge_problems(posed.mechanism, path, **known) for path in paths)
     else:
         from jointplay.estimate.identification import identify_problem
 
         recordings = [_recording(options, path) for path in paths]
         posed = posed_machine(options)
-        machine, about = _of_motion(options, posed)
+        machine, known = _of_motion(options, posed)
         out.claim()
-        old, new = ([identify_problem(machine, data, **about)] for data in recordings)
+        old, new = ([identify_problem(machine, data, **known)] for data in recordings)
     changed = changes(old, new, progress=not options.quiet)
     notes = [*changed.notes, *posed.notes]
     print_answer(
@@ -293,7 +294,7 @@ def _changes(options: argparse.Namespace) -> None:
 
 
 def _known(options: argparse.Namespace) -> dict[str, Any]:
-    """What is known of the signals and the machine."""
+    """Arguments of an identification on what is known: noise, parameters, stiffnesses."""
     from jointplay.estimate.identification import read_stiffness
     from jointplay.estimate.measurement import JOINT_UNITS, TOOL_UNITS
 
@@ -307,24 +308,24 @@ def _known(options: argparse.Namespace) -> dict[str, Any]:
 
 
 def _of_motion(options: argparse.Namespace, posed: PosedMachine) -> tuple[Any, dict[str, Any]]:
-    """The machine that was measured in motion, and what else `identify` is told."""
+    """The machine that was measured in motion, and the further arguments of `identify`."""
     machine: Any = posed.mechanism
     if posed.simulation is not None:
         machine = replace(posed.simulation, mechanism=machine)
     lag = options.lag
     if lag is not None:
         lag = math.inf if lag == "inf" else quantity(lag, "s", "--lag")
-    about = {"motion": posed.motion, "reference": options.reference, "drift": options.drift}
-    return machine, {**about, "lag": lag, "progress": not options.quiet, **_known(options)}
+    known = {"motion": posed.motion, "reference": options.reference, "drift": options.drift}
+    return machine, {**known, "lag": lag, "progress": not options.quiet, **_known(options)}
 
 
 def _noise(options: argparse.Namespace) -> dict[str, float]:
-    """Standard deviation of readings of a dial [m or rad]."""
+    """Standard deviations of a dial gauge's readings, by signal [m or rad]."""
     return numbers_by_name(options.noise, "--noise SIGNAL=X", {"tool": "m", "link": "rad"})
 
 
 def _gauged(options: argparse.Namespace) -> tuple[PosedMachine, dict[str, Any]]:
-    """The machine, and how readings were taken: noise and pose."""
+    """The machine under a dial gauge, and the noise and pose of the readings."""
     for option in commands.typed(options, OF_MOTIONS):
         raise JointplayError(f"{option} is not for a dial gauge, which tells single joints")
     posed = posed_machine(options, single=True)
@@ -335,7 +336,7 @@ def _gauged(options: argparse.Namespace) -> tuple[PosedMachine, dict[str, Any]]:
 
 
 def _write_robot(options: argparse.Namespace, preset: Preset, mechanism: Mechanism) -> None:
-    """Write the robot with what was found, as far as each format that is asked for can say it."""
+    """Write the robot with its identified play, in each format as far as the format can hold it."""
     if options.write_preset is not None:
         commands.write_preset(options.write_preset, preset)
     if options.urdf is None and options.mjcf is None:

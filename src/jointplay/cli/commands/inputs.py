@@ -1,8 +1,8 @@
-"""Options that say what a command looks at: a scenario file, or a robot, in the scenario's words.
+"""Input options of commands: a scenario file or a robot, and options for keys of the scenario.
 
-`declare` has them, `scenario_of` makes of them the scenario that the command is about. An option
-for a key of the scenario is only named there: what the key is, its unit, its choices and its
-default come from the field that the scenario's tables have for it.
+`declare` adds them to a parser; `scenario_of`, `simulation_of` and `posed_machine` build what they
+describe. An option for a key of the scenario is only named here (`KEYS`): explanation, unit,
+choices and default come from the field of the scenario's tables.
 """
 
 from __future__ import annotations
@@ -30,13 +30,13 @@ if TYPE_CHECKING:
 
 
 def gravity(text: str) -> Any:
-    """A word, or three components."""
+    """The value of --gravity: a word, or three components [m/s^2]."""
     parts = text.split(",")
     return text if len(parts) == 1 else [number(part.strip()) for part in parts]
 
 
 def as_local_path(text: str) -> str:
-    """A path as seen from here, where a scenario would take it for one as seen from its file."""
+    """An absolute path: a scenario would take a relative one as relative to its own file."""
     return text if text.startswith("jointplay:") else str(Path(text).resolve())
 
 
@@ -65,7 +65,7 @@ OPTIONS: dict[str, dict[str, dict[str, Any]]] = {
         "--ideal": dict(**FLAG, help="the robot without clearance and without play in gears"),
         "--preset": dict(nargs="?", const="", metavar="NAME", help="joints, gears and drives as "
             "they are publicly known, or assumed for a class of robots (jointplay robots --presets "
-            "lists them; without NAME that of ROBOT); what else is given counts more"),
+            "lists them; without NAME that of ROBOT); other options override it"),
     },
     "gears": {
         "--gear": dict(**REPEATED, metavar="JOINT=PLAY", help="total play of a joint's gear or "
@@ -93,15 +93,15 @@ OPTIONS: dict[str, dict[str, dict[str, Any]]] = {
         "--force": dict(metavar="FX,FY,FZ", help="force on the tool, world axes [N]"),
     },
     "whole error": {
-        "--whole": dict(nargs="?", const="", metavar="CLASS", help="the whole error: besides "
-            "play elasticity, sag, encoders, gears, geometry, heat, of a robot of this class where "
+        "--whole": dict(nargs="?", const="", metavar="CLASS", help="the whole error: play, and "
+            "elasticity, sag, encoders, gears, geometry, heat, those of this class of robots where "
             "nothing else is known (calibrated-industrial, industrial, printed; without CLASS that "
             "of the scenario's [errors] or of the preset)"),
         "--causes": dict(metavar="LIST", type=listed, help="causes that count in --whole, such "
             "as play,elasticity (default: all)"),
     },
 }
-"""Options of their own, by group, as argparse takes them."""
+"""Options that are not names for keys, by group, as arguments of argparse's ``add_argument``."""
 
 KEYS: dict[str, dict[str, str]] = {
     "robot": {"--tool": "robot.tool", "--gravity": "robot.gravity", "--base": "robot.base"},
@@ -152,27 +152,25 @@ KEYS: dict[str, dict[str, str]] = {
     },
 }
 # fmt: on
-"""Options that are names for keys of the scenario, by group: each is one setting, as if by ``--set
+"""Options that are names for keys of the scenario, by group: each is a setting, as if by ``--set
 KEY=VALUE``, which the scenario's tables read and explain. ``JOINT`` stands for each joint of
---joint, ``GEAR`` for each of --gear."""
+--joint, ``GEAR`` for each gear of --gear."""
 
-GROUPS = tuple(dict.fromkeys([*list(OPTIONS)[:4], *KEYS, *OPTIONS]))
+GROUPS = tuple(dict.fromkeys([*list(OPTIONS)[:4], *KEYS, *OPTIONS]))  # in the order of the help
 STATIC = ("poses", "load", "whole error")
-"""Groups that only commands have that ask for them."""
-
+"""Groups of static commands, which other commands do not have."""
 
 READERS: dict[str, Callable[[str], Any]] = {
     "tool": str, "gravity": gravity, "motion": as_local_path
 }  # fmt: skip
-"""From the text of the command line to a value of the scenario; other values are numbers."""
+"""Converters from an option's text to the scenario's value; values of other options are numbers."""
 
 
 @dataclass(frozen=True)
 class Flag:
-    """An option that is a name for keys of a scenario."""
+    """An option that is a name for one or more keys of a scenario."""
 
-    name: str
-    """As it is typed."""
+    name: str  # as it is typed
     keys: tuple[tuple[str, ...], ...]
 
     @property
@@ -181,7 +179,7 @@ class Flag:
 
     @property
     def read(self) -> Callable[[str], Any]:
-        """From the text of the command line to a value of the scenario."""
+        """Converts the option's text to a value of the scenario."""
         return READERS.get(self.attribute, number)
 
 
@@ -193,9 +191,8 @@ FLAGS = tuple(
 
 
 def declare(parser: Parser, *groups: str, required: bool = False) -> None:
-    """Add the file or robot, and options of these groups, or single ones of groups; all but those
-    of `STATIC` if none are named.
-    """
+    """Add the argument FILE | ROBOT and options: those of `groups` (names of groups or of single
+    options), by default all but those of `STATIC`."""
     about = "scenario (.toml; jointplay init writes one), URDF, xacro, or name of a robot such as "
     about += "ur5; jointplay robots lists them"
     nargs = None if required else "?"
@@ -211,13 +208,14 @@ def declare(parser: Parser, *groups: str, required: bool = False) -> None:
                 declared = {"type": flags[name].read, "metavar": "VALUE"}
             action = section.add_argument(name, **declared)
             if name in flags:
+                # Only the help needs explanations, which load the scenario's tables.
                 parser.explained[action.dest] = partial(explanation, flags[name])
             if not title:
                 parser.behind.add(action.dest)
 
 
 def explanation(flag: Flag) -> tuple[str, str]:
-    """What fields say of an option's key, with choices and default; and what stands for a value."""
+    """Help of an option for a key, with choices and default, and the placeholder of its value."""
     from jointplay.scenario.schema import explain
 
     text, unit, word = explain(flag.keys)
@@ -226,7 +224,7 @@ def explanation(flag: Flag) -> tuple[str, str]:
 
 
 CLEARANCE = Flag("--clearance", (("joints", "JOINT", "clearance"),))
-"""For which each kind of joint has a name of its own."""
+"""--clearance: kinds of joint call this size by different names, which `Request` resolves."""
 
 
 def is_scenario(options: argparse.Namespace) -> bool:
@@ -237,7 +235,7 @@ def is_scenario(options: argparse.Namespace) -> bool:
 
 
 def robot_named(options: argparse.Namespace) -> str | None:
-    """The robot as it was named; None: a scenario's."""
+    """The robot as it was typed; None for a scenario's robot."""
     return None if is_scenario(options) else str(options.place)
 
 
@@ -247,6 +245,7 @@ def scenario_of(options: argparse.Namespace, moves: bool = True, inertia: bool =
 
 
 def _scenario(options: argparse.Namespace, request: Request, moves: bool) -> Scenario:
+    """The scenario of a request, with a note if a preset is known for the robot and not used."""
     scenario = request.scenario(moves)
     if own_preset(options):
         scenario.assumptions.append(
@@ -257,12 +256,12 @@ def _scenario(options: argparse.Namespace, request: Request, moves: bool) -> Sce
 
 
 def request_of(options: argparse.Namespace, inertia: bool = True) -> Request:
-    """What the options of `declare` ask for; `inertia`: whether inertias matter."""
+    """The options of `declare` as a `Request`; `inertia`: whether inertias matter."""
     from jointplay.model.xacro import read_arguments
     from jointplay.scenario.reading import Setting, parse
     from jointplay.scenario.request import Request
 
-    has = partial(getattr, options)
+    has = partial(getattr, options)  # commands lack some of these options
     settings = [
         *(
             Setting(("robot", "xacro", name), text, "--xacro")
@@ -295,7 +294,7 @@ def request_of(options: argparse.Namespace, inertia: bool = True) -> Request:
 
 
 def keys(options: argparse.Namespace) -> list[Setting]:
-    """Settings of the options that are names for keys; ``*`` stands for each joint or gear."""
+    """Settings of the options that name keys; ``*`` in a key stands for each joint or gear."""
     from jointplay.scenario.reading import Setting
 
     settings = [
@@ -315,7 +314,7 @@ def keys(options: argparse.Namespace) -> list[Setting]:
 
 
 def own_preset(options: argparse.Namespace) -> str:
-    """Name of the preset with what is publicly known of the robot, if nobody asked for it."""
+    """Name of the preset that is known for the robot and not asked for; empty if none is."""
     from jointplay.scenario import presets
 
     if getattr(options, "preset", "") is not None or is_scenario(options) or not options.place:
@@ -326,9 +325,9 @@ def own_preset(options: argparse.Namespace) -> str:
 def posed_machine(
     options: argparse.Namespace, single: bool = False, inertia: bool = True
 ) -> PosedMachine:
-    """The machine that the options describe, and the poses at which it is to be looked at.
+    """The machine that the options describe, with the poses to evaluate; see `PosedMachine.of`.
 
-    See `PosedMachine.of`, and for `inertia` `Request`.
+    `single`: only one pose is allowed; `inertia`: as in `Request`.
     """
     from jointplay.scenario.posed import PosedMachine
 
@@ -344,19 +343,19 @@ def posed_machine(
 
 
 def pose_of(options: argparse.Namespace) -> str:
-    """What --pose says, where it may be given once."""
+    """The value of --pose where it may be given only once; empty without it."""
     if len(options.pose) > 1:
         raise JointplayError(f"give --pose once, got {len(options.pose)}")
     return "".join(options.pose)
 
 
 def force_on_tool(options: argparse.Namespace) -> tuple[float, float, float]:
-    """What --force says, world axes [N]."""
+    """The force on the tool of --force, world axes [N]."""
     return vector(options.force or "0,0,0", "N", "--force")
 
 
 def whole_errors(options: argparse.Namespace, scenario: Scenario) -> dict[str, Any]:
-    """What whole budgets take: their causes, errors that are known, class of the rest."""
+    """Arguments of budgets of the whole error: causes, known errors, class of the rest."""
     from jointplay.accuracy.causes import CAUSES
 
     errors, preset = scenario.robot_errors(options.case), chosen_preset(options)
@@ -367,16 +366,16 @@ def whole_errors(options: argparse.Namespace, scenario: Scenario) -> dict[str, A
 def simulation_of(
     options: argparse.Namespace, refuse: Callable[[Simulation], object] = lambda _: None
 ) -> Simulation:
-    """The one simulation that these options describe.
+    """The single simulation that the options describe; its notes are printed.
 
     Raises:
-        JointplayError: several cases, what `jointplay run` would refuse, or what `refuse` does.
+        JointplayError: several cases, or what `jointplay run` or `refuse` would refuse.
     """
     from jointplay.scenario.assumptions import decisive
 
     scenario = scenario_of(options)
     simulation = scenario.simulation(options.case)
-    scenario.ready_run(options.case)  # says what cannot be, with its line
+    scenario.ready_run(options.case)  # refuses what cannot run, with the line in the file
     refuse(simulation)
     lines = decisive(scenario, {options.case or scenario.cases[0]: simulation})
     for line in commands.first_notes(lines, getattr(options, "detail", True)):
@@ -388,24 +387,24 @@ def simulation_of(
 
 
 def named_joints(options: argparse.Namespace) -> dict[str, str | None]:
-    """Joints of --joint, each with its clearance, fit or bearing if it has one."""
+    """The joints of --joint, each with its clearance, fit or bearing if one is given."""
     from jointplay.physics.joints.bearings import is_designation
 
-    if not hasattr(options, "clearance"):  # a command's own --joint is another
+    if not hasattr(options, "clearance"):  # then --joint is another option of the command
         return {}
     return dict(name_and_number(entry, is_number=is_designation) for entry in options.joint)
 
 
 def of_journals(options: argparse.Namespace) -> list[str]:
-    """Options that were given for joints with clearance."""
+    """The given options that are for joints with clearance."""
     return [setting.source for setting in keys(options) if setting.key[0] == "joints"]
 
 
 def chosen_preset(options: argparse.Namespace) -> Preset | None:
-    """What --preset selects: by its name, or without one that of the robot.
+    """The preset of --preset: by its name, or without a name the robot's.
 
     Raises:
-        JointplayError: there is none of that name, or none is known for the robot.
+        JointplayError: no preset of that name, or none for the robot.
     """
     name = getattr(options, "preset", None)
     if name is None:

@@ -20,7 +20,7 @@ from jointplay.cli.options import FLAG, REPEATED, Parser
 
 FILM = {name: name for name in ("speed", "begin", "end", "size", "view", "signal")}
 FILM["frames_per_second"] = "fps"
-"""Options of a film, by the field of `Shot`."""
+"""Options of a film by field of `Shot`."""
 
 
 def _size(text: str) -> tuple[int, int]:
@@ -40,7 +40,7 @@ def declare(parser: Parser) -> None:
         ".webp) instead of serving a page")
     add = parser.add_argument
     add("--joint", metavar="NAME", help="joint of the close-up (default: the first)")
-    add("--magnify", metavar="X", type=float, help="factor of displacements in the close-up "
+    add("--magnify", metavar="X", type=float, help="magnification of displacements in the close-up "
         "(default: one that shows the gap)")
     add("--meshes", metavar="DIR", **REPEATED, help="folder of the URDF's meshes or packages; "
         "those of example-robot-data are found without it")

@@ -39,10 +39,10 @@ def run(options: argparse.Namespace) -> int:
     store = Path(options.store)
     default = f"{store.name}_{roles.get('z', roles['y'])}.png"
     out = files.check_picture(options.out or store.parent / default)
-    from jointplay.show.plots.sweep import draw  # what comes now takes long to import
+    from jointplay.show.plots.draw import draw  # what comes now takes long to import
+    from jointplay.show.plots.sweep import chart
     from jointplay.study import open_sweep
 
-    figure = draw(open_sweep(store).dataset(), **roles, only=chosen)
-    files.picture(out, figure)
+    files.picture(out, draw(chart(open_sweep(store).dataset(), **roles, only=chosen)))
     print(out)
     return 0

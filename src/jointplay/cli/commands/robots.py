@@ -7,8 +7,8 @@ or xacro: joints with their limits and mimic relations, frames, the tool.
 Use one wherever a URDF is expected: jointplay run NAME --joint JOINT.
 
 With --presets: what is publicly known of the bearings, gears and servos of robots, and classes for
-robots of which nothing is. Each number says whether it was seen in a public source, estimated from
-one, or assumed. Use one with --preset: jointplay run so101 --preset
+the other robots. Each number says whether it was seen in a public source, estimated from one, or
+assumed. Use one with --preset: jointplay run so101 --preset
 With a file of your own: what it still lacks to become part of jointplay.
 """
 

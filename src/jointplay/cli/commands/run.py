@@ -37,8 +37,8 @@ def declare(parser: Parser) -> None:
     add = parser.add_argument
     add("--out", metavar="DIR", required=True, help="folder for the results")
     add("--case", metavar="NAME", **REPEATED, help="run only this case of FILE")
-    add("--beside", metavar="FILE", help="the motion as it was meant, where the one that is run "
-        "was corrected: the tool's error is its distance from the ideal mechanism's on that")
+    add("--beside", metavar="FILE", help="the motion as it was meant, where a corrected one is "
+        "run: the tool's error is its distance from the ideal mechanism's tool on this motion")
     add = parser.add_argument_group("integration and output").add_argument
     add("--certify", **FLAG, help="repeat the run with finer steps to give the headline figures "
         "numerical error bounds; takes about two and a half times as long")
@@ -53,8 +53,8 @@ def declare(parser: Parser) -> None:
     add = parser.add_argument_group("what reviewers ask, with a figure for print").add_argument
     add("--converge", **FLAG, help="the headline figures over the step or tolerance, beside the "
         "errors that are stated")
-    add("--laws", metavar="NAMES", type=listed, help="the same with these normal-force laws, "
-        "joined by commas, in all joints with clearance")
+    add("--laws", metavar="NAMES", type=listed, help="the headline figures with each of these "
+        "normal-force laws, joined by commas, in all joints with clearance")
     add("--ensemble", metavar="N", type=int, help="N perturbed starts: bands of the curves, "
         "spread of the figures")
     parser.share("--pdf", "--assumed", group="integration and output")
@@ -63,7 +63,7 @@ def declare(parser: Parser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Make all cases ready, say what was assumed, run what is not done, draw, say what came out."""
+    """Prepare all cases, print assumptions, run what is not done yet, draw, print the answers."""
     from jointplay.scenario.robot import LABEL
     from jointplay.show import plots
     from jointplay.show.plots.names import MARK
@@ -105,25 +105,25 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _review(cases: Cases, options: argparse.Namespace) -> None:
-    """What reviewers ask, of each case: a table, and a figure as PDF beside the result."""
+    """The studies for reviewers, for each case: a table, and a PDF figure beside the result."""
     from jointplay.base import files
 
-    asked = [name for name in ("converge", "laws", "ensemble") if getattr(options, name)]
-    if not asked:
+    kinds = [name for name in ("converge", "laws", "ensemble") if getattr(options, name)]
+    if not kinds:
         return
     from jointplay.show.plots.reviews import review
 
-    how = {"jobs": options.jobs, "progress": not options.quiet}
+    common = {"jobs": options.jobs, "progress": not options.quiet}
     for name, case in cases.cases.items():
-        for kind in asked:
-            answer, figure = review(kind, case.simulation, getattr(options, kind), **how)
+        for kind in kinds:
+            answer, figure = review(kind, case.simulation, getattr(options, kind), **common)
             path = cases.out / f"{case.path.stem}_{kind}.pdf"
             files.picture(path, figure)
             print(f"\n{name}, {kind}: {answer}\n{path}")
 
 
 def _figures(scenario: Scenario, options: argparse.Namespace) -> list[str]:
-    """Names of the figures that are drawn."""
+    """Names of the figures that will be drawn."""
     from jointplay.show.plots import file_names, is_paper_robot
 
     if not scenario.figures or options.no_figures:
@@ -149,13 +149,13 @@ def _say_assumptions(cases: Cases, options: argparse.Namespace) -> None:
 
 
 def _print_answer(cases: Cases, name: str, result: Result, detail: bool) -> None:
-    """Print what came out of a case: of several the first line of each, and warnings."""
+    """Print a case's answer and warnings; of several cases only the first line of each."""
     from jointplay.physics.kernel import Status
 
     lines, completed = [*cases.lines[name]], result.status == Status.COMPLETED
     if result.message in lines[:1]:
         pass
-    elif not cases.cases[name].has_play:  # there is no error to begin with
+    elif not cases.cases[name].has_play:  # no error by play: the run's end comes first
         lines = [result.message, *lines]
     elif result.message not in lines and (detail or not completed):
         lines.append(result.message)
@@ -170,7 +170,7 @@ def _print_answer(cases: Cases, name: str, result: Result, detail: bool) -> None
 
 
 def _ending(cases: Cases, detail: bool) -> str:
-    """A table of several cases, where the results are, and what to do with them."""
+    """A table of several cases, the folder of the results, and the next commands."""
     from jointplay.simulation.analysis.headline import headline_texts
 
     lines, rows = [""], {}
@@ -192,7 +192,7 @@ def _ending(cases: Cases, detail: bool) -> str:
 
 
 def _status(cases: Cases, stopped: bool) -> int:
-    """The exit status; says what is missing."""
+    """The exit status; results that are missing are reported."""
     from jointplay.physics.kernel import Status
 
     results = cases.results

@@ -22,12 +22,12 @@ from jointplay.cli.options import Parser
 def declare(parser: Parser) -> None:
     add = parser.add_argument
     add("--out", metavar="DIR", required=True, help="folder for the results")
-    add("--gravity", choices=("balanced", "loaded"), default="balanced", help="of the three cases: "
-        "balanced (none, as the orbits of Figure 12 need) or loaded")
-    add("--inertia", choices=("consistent", "as-printed"), default="consistent", help="of the "
-        "three cases: consistent, or as-printed, which no rigid body can have")
+    add("--gravity", choices=("balanced", "loaded"), default="balanced", help="gravity in the "
+        "three cases: balanced (none, as the orbits of Figure 12 need) or loaded")
+    add("--inertia", choices=("consistent", "as-printed"), default="consistent", help="inertias in "
+        "the three cases: consistent, or as-printed, which no rigid body can have")
     add("--integrator", choices=("multi-rate", "semi-implicit-euler", "rk4"), default="multi-rate",
-        help="of all runs; semi-implicit-euler is explicit, with the paper's fixed step of 10 us")
+        help="for all runs; semi-implicit-euler is explicit, with the paper's fixed step of 10 us")
     add("--runs", metavar="N", type=int, default=8, help="perturbed runs for each clearance and "
         "condition; 0 skips the claims")
     parser.share("--pdf", "--jobs", "--quiet")

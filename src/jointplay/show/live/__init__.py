@@ -1,5 +1,5 @@
-"""A machine that answers while one turns its knobs: budget and one run, at once, then exactly.
+"""A live page: sliders change a machine, and its error budget and a run follow.
 
-`state` says what can be changed and by how much, `answer` computes, `workers` has it computed in
-processes of their own, `server` offers the page.
+`state` declares the controls and their ranges, `answer` computes, `workers` does so in processes of
+their own, quickly first and then in full, and `server` serves the page.
 """

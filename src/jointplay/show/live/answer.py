@@ -1,7 +1,7 @@
-"""What the page is told: budget and one cycle of a machine whose numbers were changed.
+"""Answers of the live page: error budget and one cycle of a machine whose numbers were changed.
 
-A question is answered in steps, each better than the one before: the budget at one pose, a quick
-run, then the budget along the whole motion and the run as `jointplay run` makes it.
+A question is answered in four steps of rising accuracy: the budget at one pose, a run with long
+steps, the budget along the whole motion, and the run as `jointplay run` makes it.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import time
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -35,50 +35,50 @@ from jointplay.simulation.run import Run
 from jointplay.simulation.values import values
 
 if TYPE_CHECKING:
-    from jointplay.model.mechanism import Mechanism
     from jointplay.simulation.simulation import Simulation
 
-Message = tuple[dict[str, Any], bytes]  # plain data, and a block of bytes to which it refers
+Message = tuple[dict[str, Any], bytes]  # plain data, and the block of bytes to which it refers
 
-QUICK = (0.1, 1e-3)  # tolerance of the steps of a quick run, and macro step [s]
+QUICK = (0.1, 1e-3)  # tolerance and macro step [s] of a quick run
 QUICK_LOOPS = (1e-2, 2e-4)
-"""With closed loops, whose contacts stand against each other: with longer steps journals break out.
-"""
+"""The same with closed loops, whose contacts press against each other: with longer steps journals
+break out of their bearings."""
 SOON_S = 0.05
-"""Processor time of a quick run after which its first part is shown."""
+"""Processor time of a quick run after which the part done so far is shown [s]."""
 WORTH = 0.25
-"""Part of the motion up to which that is worth the time: the whole is there soon after more."""
+"""Part of the motion up to which the part done is shown: of more, the whole follows soon enough."""
 QUICK_RECORDS = 2000
-"""Records of a quick run, about; a macro step is no longer than the time between two."""
-SHOWN = 1500  # records that are sent, about; peaks among those that are not are kept
+"""Approximate number of a quick run's records; its macro step is no longer than their interval."""
+SHOWN = 1500  # approximate number of records sent; peaks between them are kept
 QUICK_MOMENTS, MOMENTS = 120, 600
-"""Moments at which the picture shows the machine; between them it is interpolated."""
+"""Moments of the picture in a quick and in the full run; the page interpolates between them."""
 
 
 class Superseded(Exception):
-    """There is a newer question."""
+    """A newer question has been asked."""
 
 
 class Machine:
-    """One case of a scenario, kept warm: what it answers to changed numbers.
+    """One case of a scenario, which answers questions on changed numbers.
 
-    A run ends as soon as `superseded` says that there is a newer question.
+    What one answer found (the worst pose, places of rest) speeds up the next. A run ends as soon as
+    `superseded` returns that there is a newer question.
     """
 
     def __init__(self, state: State) -> None:
         self.state = state
         self.superseded: Callable[[], bool] = lambda: False
-        self._worst: Poses | None = None
+        self._worst: Poses | None = None  # the worst pose at the first question
         self._rested: tuple[Mapping[str, float], Mapping[str, np.ndarray]] = {}, {}
-        """Numbers of the last quick run, and where its journals rested."""
+        """Values of the last quick run, and its journals' places of rest at the start."""
 
     def simulation(self, values: Mapping[str, float]) -> Simulation:
-        """The case with these numbers; errors as of `jointplay run`."""
+        """The case with these values of controls; errors are those of `jointplay run`."""
         state = self.state
         return state.scenario.simulation(state.case, state.changes(values))
 
     def quick(self, values: Mapping[str, float]) -> Iterator[Message]:
-        """Answer soon: the budget at one pose, and a run with long steps."""
+        """Answer quickly: the budget at one pose, and a run with long steps."""
         simulation = self.simulation(values)
         yield _safely("budget", lambda: self._budget(simulation, whole=False))
         self._continue()
@@ -89,11 +89,11 @@ class Machine:
             run = Run(coarse, places=self._places(values))
             self._rested = values, run.rest.places if run.rest and run.rest.solved else {}
             yield from self._cycle(run, QUICK_MOMENTS, quick=True)
-        except JointplayError:  # which the run as it is need not share
+        except JointplayError:  # the full run need not fail, too
             return
 
     def _places(self, values: Mapping[str, float]) -> Mapping[str, np.ndarray]:
-        """Where journals of the last quick run rested, of joints on which nothing has changed."""
+        """Places of rest in the last quick run, for joints of which no control has changed."""
         before, places = self._rested
         changed = {
             control.group
@@ -103,7 +103,7 @@ class Machine:
         return {} if WHOLE in changed else {n: q for n, q in places.items() if n not in changed}
 
     def fine(self, values: Mapping[str, float]) -> Iterator[Message]:
-        """Answer as the product does: the budget along the motion, and the run as it is."""
+        """Answer in full: the budget along the motion, and the run of `jointplay run`."""
         simulation = self.simulation(values)
         yield _safely("budget", lambda: self._budget(simulation, whole=True))
         self._continue()
@@ -114,7 +114,7 @@ class Machine:
             raise Superseded
 
     def _budget(self, simulation: Simulation, whole: bool) -> Message:
-        """The static budget, as `jointplay budget FILE` computes it, or at its worst pose."""
+        """The static budget of `jointplay budget FILE`, or unless `whole` that at one pose."""
         if whole or self._worst is None:
             poses = poses_of(simulation)
         else:
@@ -122,15 +122,19 @@ class Machine:
             poses = replace(self._worst, machine=held)
         errors = budget(poses.mechanism, poses.q, **poses.holding)
         at = errors.worst_pose
-        if not whole and len(poses.q) > 1:  # from now on at this pose
+        if not whole and len(poses.q) > 1:  # later quick answers take this pose alone
             self._worst = replace(poses, q=poses.q[at : at + 1])
         return budget_message(errors, whole, simulation.motion is not None), b""
 
     def _to_end(self, run: Run, within: float = math.inf) -> Status:
-        """How a run ended that no newer question did, and no processor time `within` [s]."""
+        """Run on to the end, or for a processor time `within` [s], and return the status.
+
+        Raises:
+            Superseded: a newer question has been asked.
+        """
         self._continue()
-        late = time.thread_time() + within
-        run.stop_checks[:] = [self.superseded, lambda: time.thread_time() > late]
+        deadline = time.thread_time() + within
+        run.stop_checks[:] = [self.superseded, lambda: time.thread_time() > deadline]
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", RuntimeWarning)  # the page has the message
             status = run.run_to_end()
@@ -138,6 +142,7 @@ class Machine:
         return status
 
     def _cycle(self, run: Run, moments: int, quick: bool) -> Iterator[Message]:
+        """Run, and yield what the page shows; if a quick run takes long, its first part before."""
         status = self._to_end(run, SOON_S if quick else math.inf)
         if status == Status.INTERRUPTED:
             done = run.workspace.steps / run.total_steps
@@ -145,12 +150,13 @@ class Machine:
                 yield from self._shown(run, max(round(moments * done), 2), quick)
             status = self._to_end(run)
         if status != Status.COMPLETED and quick:
-            return  # its steps were too long for this machine
+            return  # the steps were too long for this machine; the full run follows
         yield from self._shown(run, moments, quick)
 
     def _shown(self, run: Run, moments: int, quick: bool) -> Iterator[Message]:
+        """What the page shows of a run, with the tool error against its ideal twin."""
         simulation, result = run.simulation, run.result()
-        result.simulation = simulation  # made already
+        result.simulation = simulation  # else it would be built again from the result's inputs
         origins = self.state.scenario.origins(self.state.case)
         result.dataset.attrs["values"] = to_text(values(simulation, origins))
         self._continue()
@@ -173,7 +179,7 @@ class Machine:
 
 
 def _safely(kind: str, compute: Callable[[], Message]) -> Message:
-    """A part of an answer, or why there is none; the other parts do not depend on it."""
+    """A part of an answer, or the reason why it fails: other parts do not depend on it."""
     try:
         return compute()
     except JointplayError as error:
@@ -181,26 +187,26 @@ def _safely(kind: str, compute: Callable[[], Message]) -> Message:
 
 
 def quick_simulation(simulation: Simulation) -> Simulation | None:
-    """The same with longer steps and fewer records, for a first look; None if there is none."""
+    """The simulation with longer steps and fewer records, for a first look; None if that fails."""
     duration = simulation.duration or (simulation.motion.duration if simulation.motion else None)
     if duration is None:
         return None
-    apart = float(duration) / QUICK_RECORDS
+    interval = float(duration) / QUICK_RECORDS
     tolerance, macro = QUICK_LOOPS if simulation.mechanism.loops else QUICK
     try:
         return replace(
             simulation,
             integrator=DEFAULT,
             tolerance=max(tolerance, simulation.tolerance or 0.0),
-            macro_step=max(min(macro, apart), simulation.step),
-            record_every=max(round(apart / simulation.step), simulation.record_every),
+            macro_step=max(min(macro, interval), simulation.step),
+            record_every=max(round(interval / simulation.step), simulation.record_every),
         )
     except JointplayError:
         return None
 
 
 def budget_message(errors: PlayBudget, whole: bool, moves: bool) -> dict[str, Any]:
-    """A budget as the page shows it [m, rad]."""
+    """A budget as plain data for the page [m, rad]."""
     at = errors.worst_pose
     total = float(errors.worst_parts[at].sum())
     where = "the worst of the poses along the motion" if moves else "one pose"
@@ -229,13 +235,14 @@ def budget_message(errors: PlayBudget, whole: bool, moves: bool) -> dict[str, An
 
 
 class Curves:
-    """Charts in one block of bytes: 32-bit floats, the same ones once."""
+    """Charts whose numbers are in one block of bytes: 32-bit floats, equal arrays once."""
 
     def __init__(self) -> None:
         self.block = bytearray()
         self._places: dict[bytes, dict[str, int]] = {}
 
     def _put(self, values: Any) -> dict[str, int]:
+        """Append an array, if it is new, and return its place."""
         data = np.ascontiguousarray(values, "<f4").tobytes()
         if data not in self._places:
             self._places[data] = {"at": len(self.block), "count": len(data) // 4}
@@ -243,7 +250,7 @@ class Curves:
         return self._places[data]
 
     def chart(self, panel: Panel) -> dict[str, Any]:
-        """A chart as `chart.js` draws it, in SI: it chooses the units that it shows."""
+        """The description of a chart for `chart.js`, in SI; the script chooses units' prefixes."""
         return {
             "x": {"label": panel.x.name, "unit": panel.x.unit},
             "y": {"label": panel.y.name, "unit": panel.y.unit},
@@ -264,14 +271,14 @@ class Curves:
 def cycle_messages(
     result: Result, twin: Result | None, moments: int, steps: str = "", reason: str = ""
 ) -> Iterator[Message]:
-    """A run as the page shows it: figures of all its records, curves of some; then its picture.
+    """The messages on a run: figures of all its records with curves of some, then its picture.
 
-    `steps` say in words how long those of a quick run were, `reason` why there is no twin.
+    `steps` tells the lengths of a quick run's steps in words, `reason` why there is no twin.
     """
     if twin is not None:
         result = measured_against(result, twin)
     few = result.thinned(max(-(-len(result.time) // SHOWN), 1))
-    few.simulation = result.simulation  # made already
+    few.simulation = result.simulation  # else it would be built again
     kept = np.searchsorted(result.time, few.time)
     curves, error = Curves(), None
     joints: dict[str, Any] = {}
@@ -280,37 +287,39 @@ def cycle_messages(
     def figure(name: str, value: float, unit: str) -> None:
         figures.append({"name": name, "value": float(value), "unit": unit})
 
-    since = result.time >= result.judge_from
+    # Tool errors; the curve shows the largest one between the records that are kept.
+    judged = result.time >= result.judge_from
     begin = np.append(0, kept[:-1] + 1)
     for what, of, unit in (("error", "tool_position", "m"), ("turn", "tool_orientation", "rad")):
         if twin is None:
             break
-        off = deviation(result, of)
-        sizes = np.linalg.norm(off.values, axis=1)
+        difference = deviation(result, of)
+        sizes = np.linalg.norm(difference.values, axis=1)
         if what == "error":
             largest = np.maximum.reduceat(sizes, np.minimum(begin, len(sizes) - 1))
             error = curves.chart(Panel(TIME, Axis("error", "m"), [Curve(few.time, largest)]))
-        over = error_statistics(off)
-        figure(f"largest tool {what}", over.peak[-1], unit)
-        figure(f"RMS tool {what}", over.rms[-1], unit)
-    peaks = result["joint_force_peak"].values[since] if result.joints else np.empty((0, 0, 3))
+        statistics = error_statistics(difference)
+        figure(f"largest tool {what}", statistics.peak[-1], unit)
+        figure(f"RMS tool {what}", statistics.rms[-1], unit)
+    # Orbit and force of each joint.
+    peaks = result["joint_force_peak"].values[judged] if result.joints else np.empty((0, 0, 3))
     for name, forces in zip(result.joints, np.linalg.norm(peaks, axis=2).T, strict=True):
         shown = {"orbit": ("orbit", name), "force": ("forces", "total", name)}
         joints[name] = {key: curves.chart(few.plot.panel(*asked)) for key, asked in shown.items()}
         figure(f"peak force, {name}", forces.max(initial=0.0), "N")
-    # How far contacts gave way, over their clearance: a journal that sinks in by so much has that
-    # much more play. None where they are not free.
+    # Largest penetration over the clearance: a journal that penetrates so far has that much more
+    # play than the budget reckons with. None for compliant joints and rolling bearings.
     sunk: dict[str, float | None] = {}
     for name, joint in result.simulation.mechanism.clearance.items():
         sunk[name] = None
         if joint.springs is None and joint.resultant is None:
-            gaps = result["gap_min"].sel(joint=name, contact=list(joint.contacts)).values[since]
+            gaps = result["gap_min"].sel(joint=name, contact=list(joint.contacts)).values[judged]
             depths = zip(
                 -np.nanmin(gaps, axis=0, initial=0.0), joint.contact_clearances, strict=False
             )
             sunk[name] = float(max((deep / room for deep, room in depths), default=0.0))
-    drives = _given_way(result, twin) if twin is not None else None
-    # Energies since the start: stored, and those terms that are not nothing.
+    drives = _drive_deflection(result, twin) if twin is not None else None
+    # Energies since the start: what is stored, and the terms that are not zero throughout.
     stored = few["kinetic_energy"].values + few["potential_energy"].values
     terms = [(term.label, few[term.variable].values) for term in TERMS]
     shown_terms = [("stored", stored - stored[0]), *(term for term in terms if np.any(term[1]))]
@@ -337,7 +346,7 @@ def cycle_messages(
         "judged_from": result.judge_from,
         "joints": list(result.joints),
         "sunk": sunk,
-        "drives": None if drives is None else float(drives[since].max(initial=0.0)),
+        "drives": None if drives is None else float(drives[judged].max(initial=0.0)),
         "figures": figures,
         "charts": charts,
         "pictured": twin is not None and len(few.time) > 1,
@@ -348,22 +357,16 @@ def cycle_messages(
         yield {"kind": "picture", "picture": moving.contents}, moving.block
 
 
-def _given_way(result: Result, twin: Result) -> np.ndarray | None:
-    """How far drives alone put the tool from where they hold the ideal machine's [m].
+def _drive_deflection(result: Result, twin: Result) -> np.ndarray | None:
+    """Distance of the tool from the ideal machine's by the drives alone, over time [m].
 
-    With the journals put back to the middle. None where more than play and drives moves the tool:
-    with closed loops, gears, free bases, or between records of another step.
+    The journals are put back to the middle. None where more than play and drives moves the tool
+    (closed loops, gears, a free base), or where the twin has fewer records.
     """
     mechanism = result.simulation.mechanism
     moved = mechanism.loops or mechanism.gears or mechanism.free_base is not None
     if moved or len(twin.time) < len(result.time):
         return None
     places = tool_places(mechanism, playback.centred(mechanism, np.array(result.q, float)))
-    away = places - twin["tool_position"].values[: len(places)]
-    return np.asarray(np.linalg.norm(away, axis=1))
-
-
-def look(mechanism: Mechanism, meshes: Sequence[str] = ()) -> Message:
-    """The bodies of a machine, which the page receives once."""
-    shown = playback.bodies(mechanism, meshes)
-    return shown.contents | {"notes": shown.notes}, shown.block
+    distance = places - twin["tool_position"].values[: len(places)]
+    return np.asarray(np.linalg.norm(distance, axis=1))

@@ -1,4 +1,4 @@
-"""The page that offers the controls, and the answers to what it asks, on this machine only."""
+"""The live page and its server, on this machine only: page, questions, streamed answers."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any
 
 from jointplay.base.errors import JointplayError, require_finite
 from jointplay.base.tables import for_json
-from jointplay.show.live.answer import look
 from jointplay.show.live.state import State
 from jointplay.show.live.workers import Workers
+from jointplay.show.player import playback
 from jointplay.show.player.pages import components, filled, static, viewer
 from jointplay.show.player.server import PORT
 from jointplay.show.player.server import serve as serve_page
@@ -28,7 +28,7 @@ _FRONT = resources.files("jointplay.show.live") / "static"
 
 
 def front() -> str:
-    """The front end: a function of meshcat's viewer that gives ``mount``."""
+    """The front end's script: a function of meshcat's viewer that returns ``mount``."""
     parts = "\n".join(
         (components(), static("chart.js"), static("robot.js", _FRONT), static("live.js", _FRONT))
     )
@@ -37,28 +37,28 @@ def front() -> str:
 
 
 def style() -> str:
-    """Of the front end, which touches nothing outside its own element."""
+    """The front end's style sheet, which affects nothing outside its own element."""
     return f"{static('live.css', _FRONT)}\n.jp-live {{\n{static('chart.css')}}}"
 
 
 def contents(state: State, simulation: Simulation, title: str) -> tuple[dict[str, Any], bytes]:
-    """What the front end starts from: controls, and the bodies of the machine."""
-    seen, block = look(simulation.mechanism)
+    """What the front end starts from: controls, assumptions, and the bodies of the machine."""
+    bodies = playback.bodies(simulation.mechanism)
     assumed = assumed_table(simulation, state.scenario.origins(state.case))
     rows = zip(*(column.values for column in assumed.columns), strict=True)
-    said = {
+    start = {
         "title": title,
         "controls": state.described(),
         "assumptions": [*state.scenario.assumptions, *state.scenario.notes],
-        # What nobody gave: value, what it is, by which rule, what another would change.
+        # Assumed values: name, value, the rule that assumed it, what another value would change.
         "assumed": [list(row) for row in rows],
-        "bodies": seen,
+        "bodies": bodies.contents | {"notes": bodies.notes},
         "joints": list(simulation.mechanism.clearance),
     }
-    return said, block
+    return start, bodies.block
 
 
-def page(said: Mapping[str, Any], block: bytes) -> bytes:
+def page(contents: Mapping[str, Any], block: bytes) -> bytes:
     """The page, HTML in UTF-8; its policy lets it ask the server that it comes from."""
     start = (
         'window.jointplay = jointplayLive(MeshCat).mount(document.getElementById("live"), '
@@ -67,17 +67,18 @@ def page(said: Mapping[str, Any], block: bytes) -> bytes:
     )
     package, more = "jointplay.show.live", "'self' data: blob:"
     run = [viewer(), f"{front()}\n{start}"]
-    return filled(package, f"{said['title']}: jointplay live", style(), said, block, run, more)
+    title = f"{contents['title']}: jointplay live"
+    return filled(package, title, style(), contents, block, run, more)
 
 
 def frame(head: Mapping[str, Any], block: bytes = b"") -> bytes:
-    """A part of an answer: two lengths, plain data, bytes."""
+    """A part of an answer as bytes: two lengths, plain data (JSON), the block."""
     text = json.dumps(for_json(head), separators=(",", ":")).encode()
     return struct.pack("<II", len(text), len(block)) + text + block
 
 
 def values_of(asked: Any) -> dict[str, float]:
-    """Values by control, of what a page sent; JointplayError if it is something else."""
+    """The values by control in a page's question; JointplayError if it has none."""
     values = asked.get("values") if isinstance(asked, dict) else None
     if not isinstance(values, dict) or not all(
         isinstance(value, int | float) and not isinstance(value, bool) for value in values.values()
@@ -87,7 +88,7 @@ def values_of(asked: Any) -> dict[str, float]:
 
 
 class Routes:
-    """What the page can ask, and who answers."""
+    """The page's questions, and the functions that answer them."""
 
     def __init__(self, state: State, workers: Workers) -> None:
         self._state, self._workers = state, workers
@@ -99,7 +100,7 @@ class Routes:
         return {"ask": self._ask, "scenario": self._scenario}
 
     def _read(self, body: bytes) -> tuple[dict[str, float], tuple[str, int]]:
-        """Values, and which question of which page it is."""
+        """The values of a question, its page and its number."""
         try:
             asked = json.loads(body)
         except (ValueError, RecursionError) as error:
@@ -116,7 +117,7 @@ class Routes:
 
         def answer() -> Iterator[bytes]:
             page, number = question
-            with self._lock:  # no later question of the same page came before this one
+            with self._lock:  # requests may overtake each other: an older question is dropped
                 newest = page != self._newest[0] or number >= self._newest[1]
                 if newest:
                     self._newest = question
@@ -146,9 +147,9 @@ def serve(
     browser: bool = True,
     say: Callable[[str], None] = print,
 ) -> None:
-    """Serve the page and open it in the browser; returns after Ctrl-C. Errors as of `Server`.
+    """Serve the page and open it in the browser, until Ctrl-C; errors are those of `Server`.
 
-    `say` receives one line for each thing the user should know.
+    `say` receives notes for the user, a line each.
     """
     workers = Workers(state)
     try:

@@ -1,7 +1,7 @@
-"""What can be changed of a scenario while one looks: declared once, by keys of the scenario.
+"""The controls of the live page: numbers of a scenario that can be changed, and their ranges.
 
-A control is a number in the unit that people use. It becomes the text that a scenario file would
-have, ``"0.3 mm"``: the page, a file that is saved and `jointplay run` read the same.
+A control's value becomes the text that a scenario file would have, ``"0.3 mm"``, under the key of
+the scenario: the page, a saved file and `jointplay run` read the same.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from jointplay.scenario.reading import Scenario, as_toml, merge
 if TYPE_CHECKING:
     from jointplay.simulation.simulation import Simulation
 
-WHOLE = "the machine"  # group of what no single joint has
+WHOLE = "the machine"  # group of controls that belong to no single joint
 
 _PARTS = {
     "radial_clearance": ("radial clearance", "mm"),
@@ -36,35 +36,36 @@ _PARTS = {
     "temperature_difference": ("inner ring warmer than outer", "K"),
     "restitution": ("coefficient of restitution", ""),
 }
-"""Numbers of a joint with play that can be changed, by key: what they are called, and the unit."""
+"""Numbers of a joint with play that have a control, by key: label and unit."""
 
-# Ranges of the sliders, judged: a field beside each takes what lies outside.
-_CLEARANCE_FACTOR = 20.0  # from the value of the beginning divided by this to its value times this
-_WIDEST_CLEARANCE = 0.2  # part of the bearing's radius
-_MOST_PLAY = 5.0  # of a gear [deg, mm of a screw]
-_LARGEST = {"temperature_difference": 60.0, "restitution": 0.99, "mu_d": 0.6}  # [K], numbers
-_SPEED_FACTOR = 3.0  # up to this, and down to its inverse
-_HEAVIEST_PAYLOAD = 0.3  # part of the mass of the machine
-_STRONGEST_GRAVITY = 20.0  # twice that of the Earth [m/s^2]
+# Ranges of the sliders (judged); a field beside each takes values outside.
+_CLEARANCE_FACTOR = 20.0  # ratio of a clearance's limits to its value in the scenario
+_WIDEST_CLEARANCE = 0.2  # largest clearance relative to the bearing's radius
+_MOST_PLAY = 5.0  # largest play of a gear [deg, mm of a screw]
+_LARGEST = {"temperature_difference": 60.0, "restitution": 0.99, "mu_d": 0.6}  # [K, 1, 1]
+_SPEED_FACTOR = 3.0  # ratio of the limits of a speed to its value in the scenario
+_HEAVIEST_PAYLOAD = 0.3  # largest payload relative to the machine's mass
+_STRONGEST_GRAVITY = 20.0  # twice the Earth's [m/s^2]
 
 
 @dataclass(frozen=True)
 class Control:
-    """A number that can be changed."""
+    """A number of the scenario that the page can change."""
 
-    name: str  # by which answers and links know it
+    name: str  # identifies it in questions and links
     group: str  # joint, or `WHOLE`
     label: str
-    unit: str  # of value and range, as text; empty for pure numbers
-    value: float  # at the beginning
-    low: float  # range of the slider; a field takes what lies outside, if the scenario does
+    unit: str  # of value and range; empty for pure numbers
+    value: float  # the scenario's
+    low: float  # range of the slider; the field takes what the scenario allows
     high: float
-    help: str  # what the scenario's tables say of it
-    key: tuple[str, ...]  # of the scenario that receives it, and names it in errors
-    logarithmic: bool = False  # whether the slider's steps are factors
-    along: tuple[float, ...] = ()  # of vectors, the direction (3,) that it is multiplied by
+    help: str  # the explanation of the scenario's key
+    key: tuple[str, ...]  # key of the scenario that receives the value
+    logarithmic: bool = False  # whether the slider is logarithmic
+    along: tuple[float, ...] = ()  # direction (3,) of a vector whose size the control gives
 
     def written(self, value: float) -> Any:
+        """A value as the scenario's file has it."""
         if self.along:
             return [value * part for part in self.along]
         return f"{value!r} {self.unit}" if self.unit else value
@@ -72,7 +73,7 @@ class Control:
 
 @dataclass(frozen=True)
 class State:
-    """What can be changed of one case of a scenario, and what it says to begin with."""
+    """One case of a scenario, and its controls by name."""
 
     scenario: Scenario
     case: str
@@ -80,11 +81,12 @@ class State:
 
     @classmethod
     def of(cls, scenario: Scenario, case: str, simulation: Simulation) -> State:
-        """Find what can be changed; `simulation` is that of the case."""
+        """The state of a case, of which `simulation` is built."""
         controls = _controls(scenario.data(case), simulation)
         return cls(scenario, case, {control.name: control for control in controls})
 
     def described(self) -> list[dict[str, Any]]:
+        """The controls as plain data for the page."""
         kept = [field.name for field in fields(Control) if field.name not in ("key", "along")]
         return [
             {name: getattr(control, name) for name in kept} for control in self.controls.values()
@@ -93,20 +95,20 @@ class State:
     def changes(self, values: Mapping[str, float]) -> dict[str, Any]:
         """Changes of the case, nested as in its file, that give the controls these values.
 
-        Controls that are not named, or have the value of the beginning, change nothing.
+        Controls that are not named, or have the scenario's value, change nothing.
 
         Raises:
             JointplayError: no such control, or not a finite number; `where` is the key.
         """
         changes: dict[str, Any] = {}
-        beside = self._beside(values)
-        for name, value in {**beside, **values}.items():
+        siblings = self._siblings(values)
+        for name, value in {**siblings, **values}.items():
             control = self.controls.get(name)
             if control is None:
                 raise MissingName("control", name, self.controls)
             *tables, key = control.key
             value = require_finite(control.label, value, control.unit, where=control.key)
-            if value != control.value or name in beside:
+            if value != control.value or name in siblings:
                 table = changes
                 for part in tables:
                     table = table.setdefault(part, {})
@@ -114,8 +116,9 @@ class State:
                 table[key] = self._payloads(value) if is_payload else control.written(value)
         return changes
 
-    def _beside(self, values: Mapping[str, float]) -> dict[str, float]:
-        """The shown clearances of joints of which one changes: none is to follow another."""
+    def _siblings(self, values: Mapping[str, float]) -> dict[str, float]:
+        """All clearances of joints of which a value changes: they are written out, too, because one
+        that the file does not give may follow from another."""
         changed = {
             control.key[:2]
             for name, value in values.items()
@@ -128,7 +131,7 @@ class State:
         }
 
     def _payloads(self, mass: float) -> list[dict[str, Any]]:
-        """The scenario's payloads, the first with this mass; one at the tool if it has none."""
+        """The scenario's payloads with this mass of the first [kg], or a new one at the tool."""
         given = list(self.scenario.data(self.case).get("payloads", ()))
         if mass < 0.0:
             raise JointplayError(f"payload must be >= 0 kg, got {mass:g}", where=_PAYLOAD)
@@ -136,6 +139,7 @@ class State:
         return [*([first] if mass > 0.0 else []), *given[1:]]
 
     def data(self, values: Mapping[str, float]) -> dict[str, Any]:
+        """The case's scenario with these values."""
         return merge(self.scenario.data(self.case), self.changes(values))
 
     def text(self, values: Mapping[str, float]) -> str:
@@ -148,7 +152,7 @@ class State:
         return as_toml(data)
 
     def control_at(self, where: Sequence[str | int]) -> str | None:
-        """Name of the control whose key an error is at; None if it is at none of them."""
+        """Name of the control whose key an error names (`where`); None if none has that key."""
         for control in self.controls.values():
             if tuple(where[: len(control.key)]) == control.key:
                 return control.name
@@ -159,7 +163,7 @@ _PAYLOAD = ("payloads",)
 
 
 def _controls(data: Mapping[str, Any], simulation: Simulation) -> Iterator[Control]:
-    """Of the whole machine: its motion, payload and gravity; then of its joints and gears."""
+    """Controls of the whole machine (motion, payload, gravity), then of its joints and gears."""
     mechanism, motion = simulation.mechanism, data.get("motion", {})
     at: tuple[str, ...]
     slides = {name: joint.slides for name, joint in mechanism.description.joints.items()}
@@ -191,7 +195,7 @@ def _controls(data: Mapping[str, Any], simulation: Simulation) -> Iterator[Contr
     yield Control("gravity", WHOLE, "gravity", "m/s^2", size, 0.0, most, text, at, along=along)
     for name, joint in mechanism.given_joints.items():
         if not joint.ideal:
-            yield from _of_joint(name, joint)
+            yield from _joint_controls(name, joint)
     for name, gear in mechanism.gears.items():
         if name in data.get("gears", {}) and "play" in {field.name for field in fields(gear)}:
             kind: Any = type(gear)
@@ -203,7 +207,8 @@ def _controls(data: Mapping[str, Any], simulation: Simulation) -> Iterator[Contr
             yield Control(key, name, label, unit, value, low, high, text, at, logarithmic)
 
 
-def _of_joint(name: str, joint: Clearance) -> Iterator[Control]:
+def _joint_controls(name: str, joint: Clearance) -> Iterator[Control]:
+    """Controls of a joint with play: the numbers of `_PARTS` that it has, and its friction."""
     at: tuple[str, ...]
     texts = explanations(type(joint))
     for key, (label, unit) in _PARTS.items():
@@ -231,7 +236,7 @@ def _of_joint(name: str, joint: Clearance) -> Iterator[Control]:
 
 
 def _clearances(value: float, widest: float) -> tuple[float, float, bool]:
-    """Range of a clearance that has this value, and whether it is logarithmic [mm or deg]."""
+    """Range for a clearance or play of this value [mm or deg], and whether it is logarithmic."""
     if value <= 0.0:
         return min(value, 0.0), _nice(min(0.5, widest)), False
     high = max(min(_nice(value * _CLEARANCE_FACTOR), _nice(widest)), value)
@@ -239,5 +244,5 @@ def _clearances(value: float, widest: float) -> tuple[float, float, bool]:
 
 
 def _nice(value: float) -> float:
-    """The largest of 1, 2, 5, 10, ... that is no larger; 1 of what is not positive."""
+    """The largest round number (1, 2, 5, 10, ...) that is no larger; 1 if none is positive."""
     return round_below(value) if value > 0.0 else 1.0

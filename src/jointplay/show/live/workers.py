@@ -1,6 +1,7 @@
-"""Processes that answer: one soon, one exactly; a newer question ends what an older one began.
+"""Two processes that answer the live page: one quickly, then one in full.
 
-Each has its own machine, built and compiled once. They end with this process, however it ends.
+Each has its own `Machine`, built once. A newer question ends the answer to an older one. The
+processes end with this one, however it ends.
 """
 
 from __future__ import annotations
@@ -22,14 +23,14 @@ from jointplay.show.live.answer import Machine, Superseded
 from jointplay.show.live.state import State
 
 Receive = Callable[[dict[str, Any], bytes], None]
-"""Receives a part of an answer, in a thread of the workers."""
+"""Receives a part of an answer, in a thread of `Workers`."""
 
 _METHOD = "fork" if sys.platform == "linux" else "spawn"
 ROUNDS = ("quick", "fine")  # methods of `Machine`; each has a process
 
 
 class Workers:
-    """Processes that answer questions on one state, the newest only."""
+    """The processes that answer questions on one state: always the newest question only."""
 
     def __init__(self, state: State) -> None:
         self.state = state
@@ -47,11 +48,12 @@ class Workers:
             self._start(kind)
 
     def _start(self, kind: str) -> None:
+        """Start the process of a round, and a thread that reads its answers."""
         mine, theirs = self._context.Pipe()
         process = self._context.Process(
             target=_serve, args=(self.state, kind, theirs, self._newest), daemon=True
         )
-        with warnings.catch_warnings():  # libraries have threads, none at work here
+        with warnings.catch_warnings():  # of forks beside threads: libraries' threads are idle here
             warnings.simplefilter("ignore", DeprecationWarning)
             process.start()
         theirs.close()
@@ -59,10 +61,10 @@ class Workers:
         threading.Thread(target=self._read, args=(kind, mine), daemon=True).start()
 
     def ask(self, values: Mapping[str, float], receive: Receive) -> int:
-        """Have a question answered; what is asked before gets no further answers.
+        """Ask a question, which ends the answers to earlier ones.
 
         `receive` gets each part of the answer, the last one of the kind ``end``. Returns the
-        question's number, which all parts have.
+        question's number, which is in all parts.
         """
         with self._lock:
             before, self._receive = self._receive, receive
@@ -75,11 +77,11 @@ class Workers:
         return number
 
     def _send(self, kind: str) -> None:
-        with suppress(OSError):  # it is dead, which `_read` finds
+        with suppress(OSError):  # the process is dead: `_read` notices and starts another
             self._connections[kind].send((int(self._newest.value), self._values))
 
     def _read(self, kind: str, connection: Any) -> None:
-        """Hand on what a process answers, if nothing newer was asked."""
+        """Hand on a process's answers until it ends; if it was killed, start another."""
         with suppress(EOFError, OSError):
             while True:
                 head, block = connection.recv()
@@ -94,20 +96,21 @@ class Workers:
         self._hand_on(kind, {"kind": "done", "question": number, "refused": True}, b"")
 
     def _hand_on(self, kind: str, head: dict[str, Any], block: bytes) -> None:
+        """Give a part of an answer to the asker, if it answers the newest question."""
         with self._lock:
             if head["question"] != self._newest.value:
                 return
             receive = self._receive
             if head["kind"] == "done":
                 if kind == ROUNDS[0] and not head.get("refused"):
-                    self._send(ROUNDS[1])  # not before: it would take the processor from the other
+                    self._send(ROUNDS[1])  # not before: it would slow down the quick round
                     return
                 self._open = False
                 head = {"kind": "end", "question": head["question"], "superseded": False}
             receive(head, block)
 
     def close(self) -> None:
-        """End the processes; what they were doing is given up."""
+        """Kill the processes, whatever they compute."""
         with self._lock:
             self._closed = True
         for process in self.processes.values():
@@ -117,13 +120,14 @@ class Workers:
 
 
 def _serve(state: State, kind: str, connection: Any, newest: Any) -> None:
+    """A process: answer one question after the other, each in the round `kind`."""
     processes.begin()
-    os.nice(5)  # what is computed gives way to what is drawn
+    os.nice(5)  # the browser, which draws, goes first
     machine = Machine(state)
     with processes.one_thread(), suppress(EOFError, BrokenPipeError, ConnectionResetError):
         while True:
             number, values = connection.recv()
-            while connection.poll():  # older ones were asked in passing
+            while connection.poll():  # skip questions that newer ones have replaced
                 number, values = connection.recv()
 
             machine.superseded = lambda number=number: bool(newest.value != number)  # type: ignore[misc]
@@ -142,7 +146,7 @@ def _serve(state: State, kind: str, connection: Any, newest: Any) -> None:
 
 
 def _answer(machine: Machine, kind: str, values: Mapping[str, float], send: Any) -> None:
-    """Answer one question; what is wrong with it is said at the control it belongs to."""
+    """Answer one question; an error is sent with the control that caused it."""
     refused = True
     try:
         for head, block in getattr(machine, kind)(values):

@@ -1,7 +1,7 @@
-"""Playback of results: robots in motion, the play in their joints, in a browser.
+"""Playback of results in a browser: robots in motion, and the play in their joints.
 
-The page that a server offers and the page in a file are the same, bytes for bytes: meshcat's viewer
-with a player of its own, and everything it plays. So the server's memory is that of one page.
+A page holds meshcat's viewer, a player, and everything that is played. The server offers the same
+bytes that a file would have, so that its memory is that of one page.
 """
 
 from __future__ import annotations
@@ -21,10 +21,9 @@ if TYPE_CHECKING:
     from jointplay.show.player.playback import Packed
     from jointplay.simulation.result.result import Result
 
-MOST_BYTES = 15_000_000  # size that a page does not exceed, meshes permitting
+MOST_BYTES = 15_000_000  # largest size of a page, unless its meshes alone are larger
 
-
-Say = Callable[[str], None]  # receives a line for each thing that the user should know
+Say = Callable[[str], None]  # receives notes for the user, a line each
 
 
 def page(
@@ -33,9 +32,9 @@ def page(
     say: Say = lambda _: None,
     **options: Any,
 ) -> tuple[bytes, Packed]:
-    """The page that plays `cases`, and the scene in it; options and errors as of `playback.build`.
+    """The page that plays `cases`, and its scene; options and errors are those of `playback.build`.
 
-    Moments between impacts are left out until the page has no more than `MOST_BYTES`.
+    Moments between impacts are left out until the page is no larger than `MOST_BYTES`.
     """
     from jointplay.show.player.pages import render
     from jointplay.show.player.playback import BUDGET, build
@@ -61,7 +60,7 @@ def save_html(
     say: Say = lambda _: None,
     **options: Any,
 ) -> Path:
-    """Write one self-contained page that plays `cases`; it needs no server and no network.
+    """Write a self-contained page that plays `cases`, without a server or a network.
 
     `options` and errors are those of `page`. An existing file is refused.
     """
@@ -78,7 +77,8 @@ def save_movie(
 ) -> MovieFile:
     """Make a picture (.png) or a film (.gif, .mp4, .webm, .webp) of results.
 
-    `say` and `options` are as for `save_html`; without Chromium, or what films need, it is refused.
+    `say` and `options` are as for `save_html`. It is refused if Chromium or the packages that films
+    need are missing.
     """
     from jointplay.show.player import movie
 
@@ -98,18 +98,18 @@ def play(
     say: Say = print,
     **options: Any,
 ) -> None:
-    """Serve the page that plays `cases` and open it in the browser; returns after Ctrl-C.
+    """Serve the page that plays `cases` and open it in the browser, until Ctrl-C.
 
     Args:
         cases: results by label.
         host: interface to listen on; by default other machines cannot connect.
-        port: where; if it is taken, another.
-        browser: whether to open one.
-        say: receives what the user should know.
-        options: see `page`.
+        port: port to listen on; if it is taken, another is used.
+        browser: open a browser.
+        say: receives notes for the user.
+        options: those of `page`.
 
     Raises:
-        JointplayError: see `Server` and `playback.build`.
+        JointplayError: as `Server` and `playback.build`.
     """
     from jointplay.show.player.playback import build
 

@@ -1,8 +1,8 @@
-"""Pictures and films of what is played, made without hands and without a screen.
+"""Pictures and films of playback, made without a screen.
 
-The page itself is shown, in a Chromium without window that draws by software, and every frame is
-taken from it: a film is what a viewer of the page would see. playwright steers the browser, imageio
-writes the file (its ffmpeg comes with it). All of that is the extra ``jointplay[movie]``.
+A headless Chromium shows the page, drawing by software, and every frame is a screenshot: a film is
+what a viewer of the page would see. playwright steers the browser, imageio writes the file (its
+ffmpeg comes with it). These packages are the extra ``jointplay[movie]``.
 """
 
 from __future__ import annotations
@@ -25,37 +25,38 @@ from jointplay.base.errors import JointplayError, closest, require_whole
 from jointplay.base.imports import how_to_install
 from jointplay.base.schema import OptionalQuantity, Quantity, check_fields, choice, quantity
 
-SUFFIXES = (".png", ".gif", ".mp4", ".webm", ".webp")  # files that can be made, by their ending
+SUFFIXES = (".png", ".gif", ".mp4", ".webm", ".webp")
 _CODECS = {".mp4": "libx264", ".webm": "libvpx-vp9", ".webp": "libwebp_anim"}
 
-VIEWS = ("both", "robot", "closeup")  # robot and close-up, or one of them
+VIEWS = ("both", "robot", "closeup")  # "both": the robot beside the close-up
 
-CHROMIUM = "JOINTPLAY_CHROMIUM"  # variable of the environment that names a browser
+CHROMIUM = "JOINTPLAY_CHROMIUM"  # environment variable with the path of a browser
 _BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
 
 _SPEEDS = tuple(float(f"{step}e{power}") for power in range(-5, 2) for step in (1, 2, 5))
-_SHORTEST_S, _LONGEST_S = 4.0, 20.0  # length that a film has by itself
-_HOLD_S = 0.1  # time of viewing for which forces show, as in the player
+_SHORTEST_S, _LONGEST_S = 4.0, 20.0  # length of a film whose speed is not given
+_HOLD_S = 0.1  # time of viewing for which a force stays visible, as in the player
 _MOST_FRAMES = 20_000
 _DRAWING = ("--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
-"""Has Chromium draw by software: no graphics card is needed, and none makes a difference."""
-_READY_MS = 300_000
+"""Chromium's options for drawing by software: a graphics card is neither needed nor used."""
+_READY_MS = 300_000  # for the page to load
 
 
 @dataclass(frozen=True)
 class Shot:
-    """What a picture or film shows, and how; numbers that make no sense are refused."""
+    """What a picture or film shows; numbers out of range are refused."""
 
     speed: OptionalQuantity = quantity("", above=0.0, default=None)
     """Relative to real time; None chooses one with which the film lasts 4 to 20 s."""
     begin: OptionalQuantity = quantity("s", least=0.0, default=None)
-    """From when on [s]; None: from the start. Of a picture the moment; None: the hardest impact."""
-    end: OptionalQuantity = quantity("s", least=0.0, default=None)  # None: to the end
+    """Begin of a film [s], None: the start; instant of a picture [s], None: the hardest impact."""
+    end: OptionalQuantity = quantity("s", least=0.0, default=None)
+    """End of a film [s]; None: the end of the run."""
     frames_per_second: Quantity = quantity("", default=25.0)
     size: tuple[int, int] = (1280, 720)  # width and height [pixels], even
     view: str = choice("view", VIEWS, default="both")
     signal: str | None = None
-    """Drawn over time below the picture, by its name in the player: ``tool error``,
+    """Signal drawn over time below the picture, by its name in the player: ``tool error``,
     ``contact force, JOINT`` and so on; None draws nothing."""
 
     def __post_init__(self) -> None:
@@ -68,7 +69,7 @@ class Shot:
             raise JointplayError(f"size must be even numbers from 160 to 4096 pixels, got {got}")
 
     def times(self, begin: float, end: float) -> tuple[np.ndarray, float]:
-        """Times of the frames of a run from `begin` to `end` [s], and the speed."""
+        """Times of the frames [s], and the speed, for a run from `begin` to `end` [s]."""
         first = begin if self.begin is None else self.begin
         last = end if self.end is None else min(self.end, end)
         if not first < last:
@@ -85,7 +86,7 @@ class Shot:
 
 
 def speed_for(duration: float) -> float:
-    """Speed relative to real time with which `duration` [s] makes a film of ordinary length."""
+    """Speed relative to real time at which `duration` [s] makes a film of 4 to 20 s."""
     if _SHORTEST_S <= duration <= _LONGEST_S:
         return 1.0
     if duration < _SHORTEST_S:
@@ -96,7 +97,7 @@ def speed_for(duration: float) -> float:
 
 @dataclass(frozen=True)
 class MovieFile:
-    """What was made: file, frames, length [s], speed relative to real time, size [pixels]."""
+    """A film or picture: file, frames, length [s], speed relative to real time, size [pixels]."""
 
     path: Path
     frames: int
@@ -121,10 +122,10 @@ def pace(speed: float) -> str:
 
 
 def check(path: str | Path) -> Path:
-    """Refuse a film that cannot be made, before any work is done; returns the path.
+    """Refuse a film that cannot be made, before any work is done, and return its path.
 
     Raises:
-        JointplayError: an unknown ending, a file that exists, or what it takes is not installed.
+        JointplayError: an unknown suffix, a file that exists, or a package that is not installed.
     """
     path = Path(path)
     if path.suffix.lower() not in SUFFIXES:
@@ -141,7 +142,7 @@ def check(path: str | Path) -> Path:
 def film(
     content: bytes, contents: Mapping[str, Any], path: Path, shot: Shot, progress: bool = False
 ) -> MovieFile:
-    """Film a page with these contents; see `player.save_movie`."""
+    """Film a page (HTML) with these contents; see `player.save_movie`."""
     from jointplay.base.progress import ProgressBar
 
     suffix = path.suffix.lower()
@@ -149,7 +150,7 @@ def film(
     end = max(case["end"] for case in contents["cases"])
     speed: float | None = None
     if suffix == ".png":
-        hits = [  # of the joint shown
+        hits = [  # impacts of the joint in the close-up
             (force, time)
             for case in contents["cases"]
             for joint in case["joints"]
@@ -184,7 +185,7 @@ def film(
 def _browser(
     content: bytes, contents: Mapping[str, Any], shot: Shot, folder: Path
 ) -> Iterator[Any]:
-    """A function that takes one frame of the page, as PNG: of time, span of forces and caption."""
+    """A function of time, span of forces and caption that returns a frame of the page as PNG."""
     from playwright.sync_api import Error, sync_playwright
 
     page_file = folder / "page.html"
@@ -220,10 +221,10 @@ def _browser(
 
 
 def launched(tools: Any, failure: type[Exception]) -> Any:
-    """A browser without window: the one named, playwright's own, or one of this machine's.
+    """A headless browser: the one that `CHROMIUM` names, playwright's own, or this machine's.
 
-    It has its own sandbox where the system lets it; the page holds nothing that could use a hole in
-    it, for its policy lets no script run but the player's.
+    It runs in its sandbox where the system allows that, and else without: the page's policy lets no
+    script run but the player's.
     """
     bundled = Path(tools.chromium.executable_path)
     wanted = os.environ.get(CHROMIUM)
@@ -240,7 +241,7 @@ def launched(tools: Any, failure: type[Exception]) -> Any:
     root = hasattr(os, "geteuid") and os.geteuid() == 0
     problem = ""
     for sandbox in (True, False):
-        if sandbox and root:  # Chromium refuses that
+        if sandbox and root:  # Chromium refuses to run its sandbox as root
             continue
         try:
             return tools.chromium.launch(
@@ -252,6 +253,7 @@ def launched(tools: Any, failure: type[Exception]) -> Any:
 
 
 def _encoded(frames: Iterator[bytes], folder: Path, suffix: str, shot: Shot) -> bytes:
+    """A film of frames (PNG) as the bytes of a file with this suffix."""
     import imageio.v2 as imageio
 
     target = folder / f"film{suffix}"
@@ -269,7 +271,7 @@ def _encoded(frames: Iterator[bytes], folder: Path, suffix: str, shot: Shot) -> 
             ".webm": ["-row-mt", "1"],
             ".webp": ["-quality", "60", "-compression_level", "5", "-loop", "0"],
         }
-        # Pixel format and even sizes that every player takes.
+        # A pixel format and even sizes that every player accepts.
         encoder = imageio_ffmpeg.write_frames(
             str(target),
             shot.size,

@@ -1,4 +1,9 @@
-"""A scene as one self-contained web page: no server, no network."""
+"""Self-contained web pages with meshcat's viewer, and the content security policy of all pages.
+
+The policy lets a browser run a page's own scripts, known by their hashes, and nothing else. A page
+holds names from files of unknown origin. They are escaped; should one ever get through, it still
+cannot run as a script, nor send anything anywhere.
+"""
 
 from __future__ import annotations
 
@@ -17,17 +22,10 @@ from jointplay.show.player.playback import Packed
 from jointplay.show.plots.names import MODE_MEANINGS, MODE_TERMS, MODES
 from jointplay.show.plots.palette import MODE_COLOURS
 
-# What a page may do, as browsers enforce: run its own scripts, told by hashes, and no others.
-#
-# A page holds names from files of others. They are escaped; should one ever get through, it still
-# cannot run as a script, nor send anything anywhere.
-
 
 def policy(scripts: Iterable[str], connect: str = "") -> Markup:
-    """The content security policy of a page with just these scripts.
-
-    `connect`: what it may fetch besides, such as ``data:``.
-    """
+    """The content security policy of a page with these scripts; `connect` lists what it may fetch,
+    such as ``data:``."""
     digests = (hashlib.sha256(script.encode("utf-8")).digest() for script in scripts)
     hashes = " ".join(f"'sha256-{base64.b64encode(digest).decode('ascii')}'" for digest in digests)
     rules = {
@@ -43,14 +41,14 @@ def policy(scripts: Iterable[str], connect: str = "") -> Markup:
 
 
 def as_script(source: str) -> Markup:
-    """Source of ours to stand in a script element, which nothing in it may end."""
+    """A script's or style sheet's source for its element in a page, with no end tag in it."""
     return Markup(
         source.replace("\r\n", "\n").replace("\r", "\n").replace("</script", "<\\/script")
     )
 
 
 def as_data(json: str) -> Markup:
-    """JSON to stand in a script element: in it only "<" could end the element."""
+    """JSON for a script element, without "<", which alone could end the element."""
     return Markup(json.replace("<", "\\u003c"))
 
 
@@ -61,12 +59,12 @@ _VIEWER = resources.files("meshcat") / "viewer" / "dist"
 
 
 def static(name: str, folder: Traversable = _SHARED) -> str:
-    """The text of a page's file, by default of one that several pages share."""
+    """The text of a page's file, by default one that several pages share."""
     return (folder / name).read_text("utf-8")
 
 
 def components() -> str:
-    """Scripts that show robots and close-ups, without a player; with the modes of joints."""
+    """The scripts that draw robots and close-ups, without the player, and the table of modes."""
     modes = [
         {"name": name, "term": term, "meaning": meaning, "colour": int(colour[1:], 16)}
         for name, term, meaning, colour in zip(
@@ -77,15 +75,13 @@ def components() -> str:
 
 
 def viewer() -> str:
-    """Meshcat's viewer, with three.js in it."""
+    """Meshcat's viewer, which includes three.js."""
     return (_VIEWER / "main.min.js").read_text("utf-8")
 
 
 def render(scene: Packed, title: str) -> bytes:
-    """The page that plays `scene`, HTML in UTF-8.
-
-    Everything is inside: meshcat's viewer with three.js, tracks, meshes, licences. Its content
-    security policy forbids the browser any request.
+    """The page that plays `scene`, HTML in UTF-8, with everything inside: viewer, tracks, meshes,
+    licences. Its policy forbids the browser any request to a server.
     """
     player = "\n".join((components(), static("player.js")))
     scripts = [viewer(), f'"use strict";\n{{\nconst {{THREE}} = MeshCat;\n{player}\n}}']
@@ -96,7 +92,7 @@ def render(scene: Packed, title: str) -> bytes:
 def filled(
     package: str, title: str, style: str, contents: Any, block: bytes, scripts: list[str], more: str
 ) -> bytes:
-    """The page of a package with meshcat's viewer in it; `more` is what it may fetch."""
+    """The page by the template of `package`, with meshcat's viewer; `more` is what it may fetch."""
     loader = ChoiceLoader([PackageLoader(name, "static") for name in (package, _PACKAGE)])
     environment = Environment(loader=loader, autoescape=True, undefined=StrictUndefined)
     run = [as_script(script) for script in scripts]
@@ -113,7 +109,7 @@ def filled(
 
 
 def licences() -> Markup:
-    """Licences of meshcat's viewer and what it bundles, to stand in a comment of a page."""
+    """Licences of meshcat's viewer and of the packages in it, for a comment in a page."""
     packages = json.loads((_VIEWER / "main.min.js.THIRD_PARTY_LICENSES.json").read_text("utf-8"))
     texts = (_VIEWER / "main.min.js.LICENSE.txt").read_text("utf-8") + "\n\n".join(
         f"{package.get('name')} {package.get('version')}\n"

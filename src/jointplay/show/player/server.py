@@ -1,4 +1,4 @@
-"""Serving a page, and answers to what it asks, to browsers on this machine."""
+"""A server that offers a page to browsers on this machine, and answers the page's questions."""
 
 from __future__ import annotations
 
@@ -18,37 +18,35 @@ from jointplay.base.errors import JointplayError, require_whole
 
 HOST = "127.0.0.1"
 PORT = 7000  # meshcat's own default
-_ATTEMPTS = 20
-_TIMEOUT_S = 30.0
-
-
-MOST_ASKED = 100_000  # bytes of a question at most
+_ATTEMPTS = 20  # ports that are tried, from the one asked for on
+_TIMEOUT_S = 30.0  # for a browser to send its request
+MOST_ASKED = 100_000  # largest question [bytes]
 
 Post = Callable[[bytes], Iterator[bytes]]
-"""Answers what a page asks: receives the body, gives the parts of the answer as they come. Closed
-when the page hangs up.
+"""Answers a question of the page: takes its body, and yields the parts of the answer as they are
+computed. The iterator is closed when the page hangs up.
 
 Raises:
-    JointplayError: what the body says cannot be; the page receives the message.
+    JointplayError: the question makes no sense; the page receives the message.
 """
 
 
 class Server(ThreadingHTTPServer):
-    """Serves one page from memory, and what answers its questions, if anything.
+    """Serves one page from memory, and answers its questions.
 
     Args:
         page: HTML in UTF-8.
         host: address or name of the interface to listen on.
-        port: where; if it is taken, one of the next, or any; 0 takes any.
-        posts: what answers questions that the page posts, by name. With any, the address has a
-            random token, without which nothing is answered; and no other site's page can ask.
+        port: port to listen on; if it is taken, one of the next, or any; 0 takes any.
+        posts: functions that answer the page's questions, by name. If there are any, the address
+            has a random token, without which nothing is answered; and no other site's page can ask.
 
     Raises:
-        JointplayError: a host that is none of this machine's, or a port that is none.
+        JointplayError: a host that is not of this machine, or a number that is not a port.
     """
 
     daemon_threads = True
-    allow_reuse_address = os.name == "posix"  # elsewhere it would share a port that is taken
+    allow_reuse_address = os.name == "posix"  # on Windows it would share a port that is taken
 
     def __init__(
         self,
@@ -91,9 +89,10 @@ class Server(ThreadingHTTPServer):
         return f"http://{host}:{self.port}{self.root}"
 
     def known(self, host: str) -> bool:
-        """Whether a request's Host header means this machine.
+        """Whether a request's Host header names this machine.
 
-        A stranger's page can have its own name lead here; it then asks for that name.
+        It guards against DNS rebinding: another site can let its own name lead to this address, but
+        its requests then carry that name.
         """
         name = host.rpartition(":")[0] if not host.endswith("]") and ":" in host else host
         name = name.strip("[]").lower().rstrip(".")
@@ -105,7 +104,7 @@ class Server(ThreadingHTTPServer):
         return True
 
     def handle_error(self, request: object, client_address: object) -> None:
-        """Keep silent about browsers that hang up."""
+        """Ignore browsers that hang up."""
         if not isinstance(sys.exception(), OSError):
             super().handle_error(request, client_address)  # type: ignore[arg-type]
 
@@ -113,7 +112,7 @@ class Server(ThreadingHTTPServer):
 class _Handler(BaseHTTPRequestHandler):
     server: Server
     timeout = _TIMEOUT_S
-    disable_nagle_algorithm = True  # parts of an answer are small, and awaited
+    disable_nagle_algorithm = True  # parts of an answer are small, and must not be delayed
 
     def do_GET(self) -> None:
         asked = self._asked()
@@ -163,7 +162,7 @@ class _Handler(BaseHTTPRequestHandler):
                 self.wfile.write(part)
 
     def _asked(self) -> str | None:
-        """What is asked for, below the page's address; None if that is refused."""
+        """The path below the page's address; None if the request is refused, which is answered."""
         if not self.server.known(self.headers.get("Host", "")):
             self.send_error(HTTPStatus.MISDIRECTED_REQUEST)
             return None
@@ -198,13 +197,13 @@ def serve(
     browser: bool = True,
     say: Callable[[str], None] = print,
 ) -> None:
-    """Serve the page that `make` makes and open it in the browser; returns after Ctrl-C.
+    """Serve the page that `make` returns and open it in the browser, until Ctrl-C.
 
-    Where it will be, and what for (`doing`), is said before it is made, which may take long: a
-    browser that asks meanwhile waits.
+    The address is said (after `doing`, such as "playing") before the page is made, which may take
+    long: a browser that asks meanwhile waits.
 
     Raises:
-        JointplayError: see `Server`.
+        JointplayError: as `Server`.
     """
     with Server(b"", host, port, posts) as server:
         if port and server.port != port:
@@ -222,7 +221,7 @@ def serve(
 
 
 def open_browser(url: str) -> bool:
-    """Open `url` in the user's browser; False if there is no display to show one on."""
+    """Open `url` in the user's browser; False if there is none, or no display."""
     windows = sys.platform in ("darwin", "win32")
     if not windows and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
         return False  # a text browser would take over the terminal

@@ -1,4 +1,4 @@
-"""From records to tracks: fewer moments, no impact lost, packed into few bytes."""
+"""From records to tracks: impacts are found, moments selected without losing one, tables packed."""
 
 from __future__ import annotations
 
@@ -8,32 +8,32 @@ from typing import Any, NamedTuple
 import numpy as np
 
 PROMINENCE = 0.05
-"""A peak of the contact force is an impact if it stands out by this much of the largest."""
-MOST_IMPACTS = 1000  # weaker ones of a joint are not offered for jumping to
+"""Prominence from which a peak of the contact force is an impact, relative to the largest force."""
+MOST_IMPACTS = 1000  # most impacts of a joint that the player offers, the strongest
 BEFORE_S, AFTER_S = 1e-3, 5e-3
-"""Every record is kept this long before and after an impact, the strongest first [s]."""
+"""Time before and after an impact in which every record is kept, strongest impacts first [s]."""
 
 
 class Impacts(NamedTuple):
     """Impacts of a joint, in the order of time."""
 
-    records: np.ndarray  # number of the record of each, shape (n,)
-    force: np.ndarray  # the peak of each, shape (n,) [N]
+    records: np.ndarray  # number of each one's record, shape (n,)
+    force: np.ndarray  # peak force of each, shape (n,) [N]
 
 
 def impacts(force: np.ndarray) -> Impacts:
     """Peaks of a contact force, shape (n,) [N], that stand out by `PROMINENCE` of the largest.
 
     A journal that hits after free flight makes such a peak, and so does one that is knocked about
-    without ever losing contact. The start of a run is none.
+    without ever losing contact. The start of a run does not count.
     """
     largest = float(force.max(initial=0.0))
     if largest <= 0.0:
         return Impacts(np.zeros(0, int), np.zeros(0))
-    # Zeros around: a peak may be the last record.
+    # With a zero at each end, the last record may be a peak.
     at, prominence = peaks(np.concatenate([[0.0], force, [0.0]]))
-    out = prominence >= PROMINENCE * largest
-    at, prominence = at[out], prominence[out]
+    prominent = prominence >= PROMINENCE * largest
+    at, prominence = at[prominent], prominence[prominent]
     strongest = np.sort(np.argsort(-prominence, kind="stable")[:MOST_IMPACTS])
     at = at[strongest] - 1
     at = at[at > 0]
@@ -41,24 +41,26 @@ def impacts(force: np.ndarray) -> Impacts:
 
 
 def peaks(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Peaks of a curve, and by how much each stands out, as `scipy.signal.find_peaks` has them.
-
-    Whose import takes half as long as all of `jointplay play`.
+    """Peaks of a curve and their prominences, as by `scipy.signal.find_peaks`, whose import takes
+    half as long as all of `jointplay play`.
 
     Returns:
-        Number of the middle of each peak, and its prominence: its height above the higher one of
-        the lowest points on its two sides, up to where the curve is higher than the peak.
+        Index of the middle of each peak, and its prominence: the height above the higher one of the
+        lowest points on its two sides, as far as the curve stays below the peak.
     """
+    # Runs of equal values are one level each; a peak is a level higher than both neighbours.
     changes = np.concatenate([[True], values[1:] != values[:-1]])
     begin = np.flatnonzero(changes)
     level = values[begin]
     end = np.concatenate([begin[1:], [len(values)]]) - 1
     inner = np.arange(1, len(level) - 1)
     top = inner[(level[inner] > level[inner - 1]) & (level[inner] > level[inner + 1])]
+    # The lowest point on each side, up to a higher peak: by a stack of higher peaks passed, each
+    # with the lowest point before it; `valleys` are the lowest points between neighbouring peaks.
     low = np.empty((2, len(top)))
     valleys = np.minimum.reduceat(level, np.concatenate([[0], top])) if len(top) else level[:1]
     for side, order in enumerate((range(len(top)), range(len(top) - 1, -1, -1))):
-        stack: list[tuple[float, float]] = []  # higher peaks before, and the lowest point since
+        stack: list[tuple[float, float]] = []
         for k in order:
             deepest = float(valleys[k + side])
             while stack and stack[-1][0] <= level[top[k]]:
@@ -69,38 +71,35 @@ def peaks(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def select_records(time: np.ndarray, hits: list[Impacts], budget: int) -> np.ndarray:
-    """Numbers of the records that are played, ascending; `budget` of them, at least 4.
+    """Numbers of the records to play, ascending: `budget` of them (at least 4), or all if they fit.
 
-    All, if the budget allows; else the record of each impact and, strongest first, all records
-    around it, which take up to half the budget; and as many of the rest, at equal distances, as
-    the other half allows, the first and the last among them.
+    First come the records of impacts, strongest first, up to a quarter of the budget; then all
+    records around impacts, up to half; the rest are equally spaced, with the first and the last.
     """
     n = len(time)
     if n <= budget:
         return np.arange(n)
-    wanted = np.zeros(n, bool)
+    kept = np.zeros(n, bool)
     records = np.concatenate([np.zeros(0, int), *(hit.records for hit in hits)])
     force = np.concatenate([np.zeros(0), *(hit.force for hit in hits)])
     order = records[np.argsort(-force, kind="stable")]
-    wanted[order[: budget // 4]] = True
-    left = budget // 2 - int(wanted.sum())
+    kept[order[: budget // 4]] = True
+    left = budget // 2 - int(kept.sum())
     for record in order:
         first = int(np.searchsorted(time, time[record] - BEFORE_S))
         end = int(np.searchsorted(time, time[record] + AFTER_S, side="right"))
-        left -= end - first - int(wanted[first:end].sum())
+        left -= end - first - int(kept[first:end].sum())
         if left < 0:
             break
-        wanted[first:end] = True
-    grid = np.linspace(0.0, n - 1.0, max(budget - int(wanted.sum()), 2))
-    wanted[np.round(grid).astype(int)] = True
-    return np.flatnonzero(wanted)
+        kept[first:end] = True
+    grid = np.linspace(0.0, n - 1.0, max(budget - int(kept.sum()), 2))
+    kept[np.round(grid).astype(int)] = True
+    return np.flatnonzero(kept)
 
 
 def strongest(values: np.ndarray, records: np.ndarray) -> np.ndarray:
-    """Record of the largest value of each column (all, m) since the record kept before.
-
-    Shape (n, m): for each kept record the number of the one in (previous kept, kept].
-    """
+    """For each kept record and each column of `values` (all, m), the number of the record of the
+    largest value since the record kept before, shape (n, m)."""
     numbers = np.empty((len(records), values.shape[1]), int)
     begin = np.concatenate([[0], records[:-1] + 1])
     for i, (first, last) in enumerate(zip(begin, records, strict=True)):
@@ -109,10 +108,10 @@ def strongest(values: np.ndarray, records: np.ndarray) -> np.ndarray:
 
 
 class Packer:
-    """Packs tables of numbers into one compressed block.
+    """Packs tables of numbers into one compressed block, which `static/tracks.js` reads.
 
-    Each column is rounded to a multiple of its table's quantum, differenced along time and split
-    into bytes of equal weight: most of them are then zero, and deflate makes little of them.
+    Each column is rounded to multiples of its table's quantum, differenced along time and split
+    into bytes of equal weight: most of them are then zero, which deflate makes short.
     """
 
     def __init__(self) -> None:
@@ -120,16 +119,16 @@ class Packer:
         self._size = 0
 
     def raw(self, data: bytes) -> dict[str, Any]:
-        """Append bytes as they are; returns what the reader needs to find them."""
+        """Append bytes as they are, and return their place for the reader."""
         entry = {"at": self._size, "bytes": len(data)}
         self._blocks.append(data)
         self._size += len(data)
         return entry
 
     def table(self, values: np.ndarray, quantum: float) -> dict[str, Any]:
-        """Append a table, one row a moment; returns what the reader needs to decode it.
+        """Append a table with a row for each moment, and return what the reader needs to decode it.
 
-        Values (n,) or (n, columns) are rounded to `quantum`, made coarser if 32 bits are too few.
+        Values (n,) or (n, columns) are rounded to `quantum`, or coarser if 32 bits are too few.
         """
         table = np.asarray(values, float).reshape(len(values), -1)
         largest = float(np.abs(table).max(initial=0.0))
@@ -145,7 +144,7 @@ class Packer:
     def mesh(self, triangles: np.ndarray) -> dict[str, Any]:
         """Append the triangles of a surface whose points are in the order of their first use.
 
-        Each number of a point is kept as how far it lies behind the next new point: mostly little.
+        A point's number is stored as its distance behind the next new point, which is mostly small.
         """
         used = triangles.reshape(-1).astype(np.int64)
         fresh = np.maximum.accumulate(np.concatenate([[-1], used[:-1]])) + 1

@@ -1,7 +1,7 @@
-"""Charts as data: axes with their units, and what is drawn between them; nothing here draws.
+"""Charts as data: axes with units, and marks (curves, bars, maps ...) between them.
 
-`plots.draw` makes figures of them with matplotlib, `reports.charts` what pages show. Values are SI;
-axes say in which unit they are shown.
+Nothing here draws: `plots.draw` turns a chart into a matplotlib figure, `reports.charts` into what
+a page draws. Values are SI; an axis knows the unit in which they are shown.
 """
 
 from __future__ import annotations
@@ -16,23 +16,24 @@ from jointplay.base.units import displayed, typeset
 from jointplay.show.plots.palette import BLUE
 
 _SHORT_S = 0.02
-"""Time up to which an axis counts milliseconds: in seconds its ticks' numbers would touch [s]."""
+"""An axis of time that ends before this is in milliseconds: its ticks' numbers in seconds would
+touch [s]."""
 
 
 @dataclass(frozen=True)
 class Axis:
-    """What an axis shows, and from where to where."""
+    """The quantity along an axis, its unit and limits."""
 
-    name: str = ""  # in words
+    name: str = ""  # the quantity in words
     unit: str = ""  # the SI unit of the numbers
-    size: str = ""  # "fine" of clearances and the like, "large" of paths: `units.displayed`
+    size: str = ""  # "fine" for clearances and the like, "large" for paths: `units.displayed`
     log: bool = False
-    low: float | None = None  # where it begins; None: at the data
+    low: float | None = None  # lower limit; None: where the data begin
     high: float | None = None
-    rows: Sequence[str] | None = None  # words at 0, 1, ...; up an axis the first stands at the top
+    rows: Sequence[str] | None = None  # labels at 0, 1, ...; on a y axis the first is at the top
     ticks: int | None = None
-    """Intervals between ticks, at most; as many on both sides of 0 unless it has limits."""
-    whole: bool = False  # whether it counts
+    """Most intervals between ticks; symmetric about 0 unless the limits are not."""
+    whole: bool = False  # whether it counts things, so that ticks are integers
 
     @property
     def shown(self) -> tuple[float, str]:
@@ -51,48 +52,47 @@ class Axis:
 
 @dataclass(frozen=True)
 class Curve:
-    """A line through points, or the points."""
+    """A line through points, or the points alone."""
 
     x: np.ndarray | Sequence[float]
     y: np.ndarray | Sequence[float]
-    name: str = ""  # in the legend; without one it is not there
+    name: str = ""  # in the legend, which leaves out curves without one
     colour: str = BLUE
-    line: str = "-"  # -, --, :, -. or, of points alone, nothing
+    line: str = "-"  # matplotlib's -, --, :, -. or, for points alone, nothing
     width: float | None = None
     marker: str = ""
     size: float = 3.0
     hollow: bool = False
     opacity: float = 1.0
     low: np.ndarray | None = None
-    """Of the error band of a line, or of the bars of points, with `high`; numbers that are none
-    have no error."""
+    """Lower end, with `high` as upper end, of a line's error band or of the points' error bars; nan
+    where no error is known."""
     high: np.ndarray | None = None
-    aside: np.ndarray | None = None  # errors along x
-    at: np.ndarray | None = None  # time of each point of a curve in a plane [s]
-    steps: bool = False  # whether it jumps from one value to the next
-    frame: bool = False  # whether it is no data: the outline of a clearance, a reference
-    order: float = 2.0  # what is drawn above what
+    aside: np.ndarray | None = None  # half lengths of error bars along x
+    at: np.ndarray | None = None  # time of each point, for a curve in a plane [s]
+    steps: bool = False  # whether the curve jumps from one value to the next
+    frame: bool = False  # whether it is not data but the outline of a clearance, or a reference
+    order: float = 2.0  # marks of higher order are drawn over those of lower order
 
 
 @dataclass(frozen=True)
 class Bars:
-    """Bars from the left, one in each row."""
+    """Horizontal bars, one in each row."""
 
     values: np.ndarray | Sequence[float]
     name: str = ""
     colour: str = BLUE
     left: np.ndarray | float = 0.0
-    shift: float = 0.0  # of the bars from their rows
+    shift: float = 0.0  # of the bars from the middle of their rows
     height: float = 0.6
     opacity: float = 1.0
-    error: np.ndarray | None = None
-    rows: np.ndarray | Sequence[int] | None = None  # None: every one
-    texts: Sequence[str] = ()  # at the ends of the bars
+    rows: np.ndarray | Sequence[int] | None = None  # row of each bar; None: 0, 1, ...
+    texts: Sequence[str] = ()  # labels at the ends of the bars
 
 
 @dataclass(frozen=True)
 class Spans:
-    """When a row of a timeline is filled."""
+    """Intervals in which a row of a timeline is filled."""
 
     begin: np.ndarray
     end: np.ndarray
@@ -103,10 +103,10 @@ class Spans:
 
 @dataclass(frozen=True)
 class Rule:
-    """A line across all of a chart, or with an end a band."""
+    """A straight line across a panel, or with an `end` a band."""
 
     at: float
-    along: str = "y"  # the axis that has this value: of y the line is level
+    along: str = "y"  # the axis on which `at` lies: "y" gives a horizontal line
     name: str = ""
     colour: str = "black"
     line: str = "-"
@@ -117,7 +117,7 @@ class Rule:
 
 @dataclass(frozen=True)
 class Area:
-    """Between two curves."""
+    """The area between two curves over x."""
 
     x: np.ndarray
     low: np.ndarray
@@ -141,52 +141,52 @@ class Dots:
 
 @dataclass(frozen=True)
 class Map:
-    """A value, by its colour, at the places of a grid; all places are as wide without `x`, `y`."""
+    """A heat map: values on a grid, by colour; its cells are equal unless `x` and `y` are given."""
 
-    values: np.ndarray  # rows from below
+    values: np.ndarray  # (rows, columns), the first row at the bottom
     scale: Axis | None = None
     x: np.ndarray | None = None
     y: np.ndarray | None = None
     extent: tuple[float, float, float, float] | None = None
     palette: str = "cividis"
-    written: bool = False  # whether the numbers stand in it
+    written: bool = False  # whether each cell shows its number
 
 
 @dataclass(frozen=True)
-class Words:
-    """Words at a place, or above it."""
+class Label:
+    """A text at a point, or above it."""
 
     x: float
     y: float
     text: str
     above: str = ""
-    """What of the words is above the place: their ``"left"``, ``"center"`` or ``"right"``."""
+    """Part of the text that stands above the point: ``"left"``, ``"center"`` or ``"right"``."""
 
 
-Mark = Curve | Bars | Spans | Rule | Area | Dots | Map | Words
+Mark = Curve | Bars | Spans | Rule | Area | Dots | Map | Label
 
 
 @dataclass(frozen=True)
 class Panel:
-    """A pair of axes and what is drawn between them."""
+    """A pair of axes and the marks between them."""
 
     x: Axis
     y: Axis
     marks: Sequence[Mark] = ()
     title: str = ""
-    colour: str = ""  # of a title that names a case, which stands at the left
+    colour: str = ""  # colour of a title that names a case, which stands at the left
     equal: str = ""
-    """Whether x and y have the same scale: ``"box"`` fits the panel to what is shown, ``"data"``
-    shows more."""
-    columns: int = 0  # of its own legend, above it; 0: it has none
-    legend: str = ""  # where its own legend is otherwise: as matplotlib has it, beside or below
+    """For one scale on both axes: ``"box"`` shrinks the panel to the data, ``"data"`` extends the
+    axes' limits."""
+    columns: int = 0  # columns of a legend above the panel; 0: none there
+    legend: str = ""  # another place for the legend: a `loc` of matplotlib, "beside" or "below"
     legend_title: str = ""
 
     def styled(self, **fields: Any) -> Panel:
-        """The same with these fields in all marks that are data."""
+        """The panel with these fields set in all marks that are data and have them."""
         marks = []
         for mark in self.marks:
-            framed = isinstance(mark, Rule | Words) or (isinstance(mark, Curve) and mark.frame)
+            framed = isinstance(mark, Rule | Label) or (isinstance(mark, Curve) and mark.frame)
             known = {name: value for name, value in fields.items() if hasattr(mark, name)}
             marks.append(mark if framed else replace(mark, **known))
         return replace(self, marks=marks)
@@ -199,32 +199,30 @@ class Panel:
 
 
 def overlaid(panels: Iterable[Panel]) -> Panel:
-    """Panels over each other, with the axes and the title of the first."""
+    """One panel with the marks of all, and the axes and title of the first."""
     first, *others = panels
     return first.with_marks(*(mark for panel in others for mark in panel.marks))
 
 
 @dataclass(frozen=True)
 class Chart:
-    """Panels in rows, and what stands around them."""
+    """Panels in rows, with a title, a common legend and a note around them."""
 
     rows: Sequence[Sequence[Panel | None]]
-    size: tuple[float, float]  # width and height [inches]
+    size: tuple[float, float]  # width and height on screen [inches]
     title: str = ""
-    colour: str = "black"  # of the title
-    note: str = ""  # in small print below
-    key: int = 0  # columns of the legend of all panels, above them; 0: there is none
-    key_at: str = "outside upper center"
-    same_x: bool | str = False  # whether panels share the x axis; "col": those of a column
+    note: str = ""  # small print below
+    key: int = 0  # columns of the common legend; 0: none
+    key_at: str = "outside upper center"  # its place, as matplotlib's `loc`
+    same_x: bool | str = False  # whether all panels share the x axis, or "col": those of a column
     same_y: bool | str = False
-    wide: Sequence[float] | None = None  # widths of columns relative to each other
-    high: Sequence[float] | None = None
+    wide: Sequence[float] | None = None  # relative widths of the columns
 
     @property
     def panels(self) -> list[Panel]:
         return [panel for row in self.rows for panel in row if panel is not None]
 
 
-def outline(x: np.ndarray, y: np.ndarray, width: float = 1.0) -> Curve:
-    """The edge of a clearance."""
-    return Curve(x, y, colour="black", width=width, frame=True)
+def outline(x: np.ndarray, y: np.ndarray) -> Curve:
+    """The outline of a clearance, a curve that is not data."""
+    return Curve(x, y, colour="black", width=1.0, frame=True)

@@ -1,4 +1,5 @@
-"""Figures of budgets, allocations, identifications, ISO 9283, reduction, hunting."""
+"""Figures of error budgets, allocations, identifications, calibrations, ISO 9283 tests, reduced
+models and hunting."""
 
 from __future__ import annotations
 
@@ -28,11 +29,11 @@ from jointplay.show.plots.chart import (
     Chart,
     Curve,
     Dots,
+    Label,
     Map,
     Mark,
     Panel,
     Rule,
-    Words,
 )
 from jointplay.show.plots.draw import draw
 from jointplay.show.plots.palette import (
@@ -52,19 +53,20 @@ from jointplay.study.iso9283 import Iso9283
 if TYPE_CHECKING:
     from jointplay.bridges.reduction import Reduction
 
-_SHARES = "YlOrRd"
+_SHARES = "YlOrRd"  # colours of bodies by share of the error
 
 
 def _row(panels: Iterable[Panel], size: tuple[float, float], **more: Any) -> Figure:
+    """A figure of panels side by side."""
     return draw(Chart([list(panels)], size, **more))
 
 
-# Figures of an error budget: bars, the coloured robot, the reachable set, course and map.
+# Error budgets: bars, the coloured robot, the reachable set, the course along a motion, the map.
 
 
-def bars(budget: PlayBudget, pose: int | None = None) -> Figure:
-    """What each joint adds to the tool's error at a pose, by default the worst one."""
-    at = budget.worst_pose if pose is None else pose
+def bars(budget: PlayBudget) -> Figure:
+    """Each joint's contribution to the tool's error at the worst pose."""
+    at = budget.worst_pose
     rests, whole, *_ = budget.rest_positions.at(at)
     of = budget.components
     size, sizes = np.linalg.norm(whole[of]), np.linalg.norm(rests[:, of], axis=1)
@@ -88,11 +90,11 @@ def bars(budget: PlayBudget, pose: int | None = None) -> Figure:
 
 
 def _stacked(parts: np.ndarray, names: Sequence[str], **look: Any) -> list[Mark]:
-    """Bars of each cause, one where the other ends, negative ones to the left (causes, rows)."""
+    """Stacked bars of parts (causes, rows), with negative parts stacked to the left."""
     marks: list[Mark] = []
     ends = {1.0: np.zeros(parts.shape[1]), -1.0: np.zeros(parts.shape[1])}
     for size, name, colour in zip(parts, names, many(len(names)), strict=True):
-        for sign, end in ends.items():  # loads may shift the tool back
+        for sign, end in ends.items():  # a part is negative where loads shift the tool back
             part = np.where(np.sign(size) == sign, size, 0.0)
             if sign > 0.0 or part.any():
                 marks.append(Bars(part, name if sign > 0.0 else "", colour, end.copy(), **look))
@@ -101,7 +103,7 @@ def _stacked(parts: np.ndarray, names: Sequence[str], **look: Any) -> list[Mark]
 
 
 def cause_bars(budget: ErrorBudget) -> Figure:
-    """Each joint's part of the whole error at the worst pose, by cause."""
+    """Each joint's part of the worst case and of the variance at the worst pose, by cause."""
     at = budget.worst_pose
     joints = list(dict.fromkeys(contribution.joint for contribution in budget.model.contributions))
     causes = list(budget.by("cause"))
@@ -146,12 +148,13 @@ def robot(mechanism: Mechanism, budget: PlayBudget, q: np.ndarray) -> Figure:
     return figure
 
 
-def reachable(budget: PlayBudget, pose: int | None = None) -> Figure:
-    """All places that the tool can take at a pose, seen along x, y and z; and where it rests.
+def reachable(budget: PlayBudget) -> Figure:
+    """The tool's reachable set at the worst pose, seen along z, y and x.
 
-    The box holds all places in which friction can hold it. The sag of drives is left out.
+    Inside it, the place of rest, and a box of all places in which friction can hold the tool. The
+    sag of drives is left out.
     """
-    at = budget.worst_pose if pose is None else pose
+    at = budget.worst_pose
     angle = np.linspace(0.0, 2.0 * np.pi, 241)
     place, sag = budget.rest_positions.at(at), np.nan_to_num(budget.rest_positions.at(at).sag[:3])
     rest, ends = place.error[:3] - sag, budget.rest_positions.interval(at)[:3] - sag[:, None]
@@ -162,6 +165,8 @@ def reachable(budget: PlayBudget, pose: int | None = None) -> Figure:
     for i, j in ((0, 1), (0, 2), (1, 2)):
         directions = np.zeros((len(budget.positions), len(angle), 3))
         directions[..., i], directions[..., j] = np.cos(angle), np.sin(angle)
+        # The set is a Minkowski sum over joints: its support points in each direction add up, so
+        # the grey curves are the sets of the first joint, the first two, and so on.
         edge = np.zeros((len(angle), 3))
         marks = []
         for error in budget.model.along(directions).error[:, at]:
@@ -181,9 +186,9 @@ def reachable(budget: PlayBudget, pose: int | None = None) -> Figure:
 
 
 def course(budget: PlayBudget, time: np.ndarray | None = None) -> Figure:
-    """Error along a motion: worst case by joint, stacked; and at rest, and RMS.
+    """Error along a motion: the worst case, stacked by joint, the RMS, and the error at rest.
 
-    `time` of its poses [s], shape (n,); None counts them.
+    `time`: times of the poses [s], shape (n,); None numbers them.
     """
     x = np.arange(len(budget.worst)) if time is None else time
     tops = np.cumsum(np.column_stack([np.zeros(len(x)), budget.worst_parts]), axis=1).T
@@ -206,7 +211,8 @@ def course(budget: PlayBudget, time: np.ndarray | None = None) -> Figure:
 
 
 def before_and_after(judgement: Judgement) -> Figure:
-    """The tool's error over time by a motion as it was and corrected, where it gains least, too."""
+    """The tool's error over time on a motion before and after correction, for the nominal machine
+    and for the one that gains least."""
     corners = [judgement.nominal]
     if judgement.least_gain is not judgement.nominal:
         corners.append(judgement.least_gain)
@@ -228,11 +234,11 @@ def before_and_after(judgement: Judgement) -> Figure:
 
 
 _LEAST_REACH_M = 1e-2
-"""Axes of a workspace that is smaller, a point, are as long (judged)."""
+"""Least length of a workspace map's axes: a smaller workspace counts as a point (judged)."""
 
 
 def workspace_map(budget: PlayBudget) -> Figure:
-    """Where in the workspace the worst case is large: from the side and from above."""
+    """The worst case over the workspace, seen from the side and from above."""
     order = np.argsort(budget.worst)
     (x, y, z), worst = budget.positions[order].T, budget.worst[order]
     scale = Axis(f"worst-case error of {budget.tool!r}", budget.unit)
@@ -257,10 +263,12 @@ def workspace_map(budget: PlayBudget) -> Figure:
 
 
 def allocation(allotment: Allocation) -> Figure:
-    """The size that each joint may have, its part of the error (pale: before), and of the cost."""
+    """Each joint's allowed size, and its parts of the error (pale: before) and of the cost."""
     joints = list(dict.fromkeys(allotment.joints))
     causes = list(dict.fromkeys(choice.cause for choice in allotment.choices))
     improved, unit, total = not np.isnan(allotment.was), allotment.unit, allotment.total or 1.0
+    # Parts of the error before and after and of the cost, by cause and joint; by kind of size, each
+    # joint's bar and label; the nouns of the title.
     parts = np.zeros((3, len(causes), len(joints)))
     sizes = {"m": np.zeros(len(joints)), "arcmin": np.zeros(len(joints))}
     texts = {kind: [""] * len(joints) for kind in sizes}
@@ -280,7 +288,7 @@ def allocation(allotment: Allocation) -> Figure:
         if offer:
             noun, text = "fit" if offer.instead else "bearing class", f"{offer.name}: {text}"
         nouns[noun] = None
-        if choice.held == "most":  # a bar would dwarf those that count
+        if choice.held == "most":  # at the upper bound; its bar would dwarf the others
             text = f"any, up to {text}"
         else:
             sizes[kind][row] = size
@@ -293,7 +301,7 @@ def allocation(allotment: Allocation) -> Figure:
         if any(texts[kind])
     ]
     before, after, shares = parts
-    nameless = [""] * len(causes)
+    nameless = [""] * len(causes)  # one legend names the causes of all panels
     whole = f"{allotment.kind} {1e3 * allotment.error:.4g} m{unit}"
     look: dict[str, Any] = {"shift": 0.2, "height": 0.36} if improved else {}
     marks = _stacked(after, causes if improved else nameless, **look)
@@ -311,33 +319,35 @@ def allocation(allotment: Allocation) -> Figure:
     title += f" for an error of {allotment.mechanism.tool!r} of at most {target}"
     note = "; ".join(note for note in allotment.notes if note.startswith(("assumed", "cost")))
     inches = (2.6 + 2.8 * len(panels), 2.0 + 0.36 * len(joints))
-    look = {"key": 1, "key_at": "outside right upper"}  # above stands the title
+    look = {"key": 1, "key_at": "outside right upper"}  # the title takes the room above
     return _row(panels, inches, title=title, note=note, same_y=True, **look)
 
 
-# Figure of an identification: what was found beside the scenario, agreement.
+# Identification and calibration: values found, agreement with the measurement, loops of reversals.
 
 
 _AGREEMENT = {
     "tool": Axis("deviation of the tool", "m", "fine"),
     "link": Axis("link - motor", "rad"),
 }
+"""Axes of measured quantities by kind; other kinds are torques."""
 
 
 def identification(fit: Identification) -> Figure:
-    """Intervals relative to the scenario's values, predicted means over measured, with offsets."""
+    """Intervals relative to the scenario's values, and predicted over measured means by kind."""
     shown = [estimate for estimate in fit.estimates if estimate.unknown.sought]
-    marks: list[Mark] = []
+    marks: list[Mark] = []  # a row for each unknown
     for row, estimate in enumerate(shown):
         scale = estimate.unknown.scale
         if estimate.reason:
-            marks.append(Words(1.0, row, "cannot tell"))
+            marks.append(Label(1.0, row, "cannot tell"))
             continue
         low, high = (end / scale for end in estimate.interval)
         marks += _interval(row, low, high, estimate.value / scale)
     marks.append(Rule(1.0, "x", colour=LINE, line=":"))
     rows = Axis(rows=[estimate.label for estimate in shown])
     panels = [Panel(Axis("found / scenario", low=0.0), rows, marks)]
+    # A panel for each kind of signal, where a perfect model would lie on the diagonal.
     for kind in dict.fromkeys(kind for kind, _ in fit.observed.keys):
         axis = _AGREEMENT.get(kind, Axis("torque", "N*m"))
         means: list[Mark] = []
@@ -365,7 +375,8 @@ def identification(fit: Identification) -> Figure:
 
 
 def reversal_loops(loops: Sequence[Loop], estimates: Sequence[Estimate]) -> Figure:
-    """Where each joint was against its motor, both ways, the fit over it; and its play in words."""
+    """Hysteresis loops: each joint's deviation from its motor, measured and fitted, by direction of
+    motion; titles give the play."""
     note = "dots: measured, by the way moved or pushed (hollow: neither); lines: what was found"
     panels: list[Panel | None] = []
     for loop in loops:
@@ -398,7 +409,7 @@ def _interval(row: int, low: float, high: float, value: float) -> list[Mark]:
 
 
 def calibration(fit: Calibration) -> Figure:
-    """Errors in training and on held-back poses by model, each pose's error, bounds of play."""
+    """Position errors in training and on held-back poses, by model and by pose; bounds of play."""
     known = [play for play in fit.play if not play.reason]
     groups = ((-0.2, "training", VERMILION), (0.2, "held_back", BLUE))
     steps: list[Mark] = []
@@ -427,14 +438,14 @@ def calibration(fit: Calibration) -> Figure:
     return _row(panels, size, note=f"held back: {fit.folds}; statistical, 95 %", key=2)
 
 
-# Figures of accuracy and repeatability: attained poses around the command, and the path.
+# Accuracy and repeatability by ISO 9283: attained poses about their barycentre, and the path.
 
 
-MOST_POSES = 6  # stops that are drawn, the worst: they make a figure of 16 inches
+MOST_POSES = 6  # stops that are drawn, the worst ones: they make a figure of 16 inches
 
 
 def poses(performance: Iso9283) -> Figure:
-    """Attained poses of each cycle about their barycentre, seen along z and y, by stop."""
+    """Attained poses of all cycles about their barycentre, seen along z and y, for each stop."""
     worst = sorted(performance.poses, key=lambda pose: -pose.figures["AP_p"].value)[:MOST_POSES]
     shown = sorted(worst, key=lambda pose: pose.time)
     angle = np.linspace(0.0, 2.0 * np.pi, 181)
@@ -462,7 +473,7 @@ def poses(performance: Iso9283) -> Figure:
 
 
 def path(performance: Iso9283) -> Figure:
-    """Accuracy and repeatability across the path, along it; AT and RT are their largest."""
+    """Accuracy and repeatability across the path over time; AT and RT are the largest values."""
     look: dict[str, Any] = {"width": 0.8, "marker": "o", "size": 2.5}
     marks = []
     for values, name, colour in (
@@ -477,13 +488,14 @@ def path(performance: Iso9283) -> Figure:
 
 
 def _note(performance: Iso9283) -> str:
+    """The conditions of validity, in two lines."""
     parts = performance.validity.split("; ")
     half = len(parts) // 2
     return "; ".join(parts[:half]) + ";\n" + "; ".join(parts[half:])
 
 
 def reversals(reduction: Reduction) -> Figure:
-    """The lag of the link behind the motor in time, and over the motor's angle (hysteresis)."""
+    """The link's lag behind the motor over time, and over the motor's angle (hysteresis)."""
     past, half = reduction.history, 0.5 * reduction.dead_band
     sides = [Rule(side, "y", colour=LINE, line=":", width=0.7) for side in (-half, half)]
     curves: list[list[Mark]] = [[*sides], [*sides]]
@@ -494,8 +506,8 @@ def reversals(reduction: Reduction) -> Figure:
     up = Axis("motor - link", "rad")
     low, high = float(past["motor"].min()), float(past["motor"].max())
     low, high = 1.03 * low - 0.03 * high, 1.03 * high - 0.03 * low
-    motor = f"motor of {reduction.joint}"  # whose angle is a number of many digits
-    angle = Axis(motor, "rad", "large", low=low, high=high, ticks=5)
+    # Few ticks: the motor's angle may have many digits.
+    angle = Axis(f"motor of {reduction.joint}", "rad", "large", low=low, high=high, ticks=5)
     panels = [Panel(Axis("time", "s"), up, curves[0]), Panel(angle, up, curves[1])]
     note = (
         f"simulated; stated error of the link's angle {1e6 * reduction.angle_error:.3g} µrad, "
@@ -505,7 +517,8 @@ def reversals(reduction: Reduction) -> Figure:
 
 
 def gains(gain_map: GainMap) -> Figure:
-    """Swings of a joint over two gains, and where play is not what makes them."""
+    """Amplitude and frequency of limit cycles over two gains; marks tell where play is not the
+    cause and where a run diverges."""
     (first, x), (second, y) = gain_map.first, gain_map.second
     names = [
         f"{name[0].upper()} gain [{UNITS[name]}]" if name in UNITS else name

@@ -1,4 +1,4 @@
-"""Charts drawn by matplotlib."""
+"""Charts drawn with matplotlib: axes, then marks by kind, then legends and colour bars."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from jointplay.show.plots.chart import (
     Chart,
     Curve,
     Dots,
+    Label,
     Map,
     Panel,
     Rule,
     Spans,
-    Words,
 )
 from jointplay.show.plots.style import (
     Decades,
@@ -38,28 +38,28 @@ from jointplay.show.plots.style import (
 )
 
 _MANY_POINTS = 20_000
-"""So many are an image, also in vector graphics, whose files grow with their number (judged)."""
+"""Points of a curve beyond which they are rasterised, also in vector graphics: files would grow
+with their number (judged)."""
 _MOST_WRITTEN = 120
-"""Places of a map whose numbers, of 7 pt, can be read: about 12 columns and 10 rows (judged)."""
+"""Most cells of a map that show their numbers, in 7 pt: about 12 columns by 10 rows are legible
+(judged)."""
 _LETTER, _HANDLE = 0.55, 4.0
-"""Width of a letter of DejaVu Sans, the mean of a text, and of a legend's line with the room about
-it, relative to the size of type; of a figure's width the legend has `_ACROSS`."""
-_ACROSS = 0.9
-_BESIDE = 0.05  # between panels that share an axis, relative to their width (judged)
-_TEXT_ROOM = 0.25  # right of bars with texts, relative to the longest: some ten letters (judged)
-_ABOVE_PT = 4.0  # between a point and words above it: clear of its marker [points]
-_MOST_NAMED = 9  # columns or rows of a map that are named (judged: names of some eight letters)
+"""Mean width of a letter of DejaVu Sans, and width of a legend's line with the room about it,
+relative to the size of type."""
+_ACROSS = 0.9  # part of the figure's width that a legend may take
+_BESIDE = 0.05  # gap between panels that share an axis, relative to their width (judged)
+_TEXT_ROOM = 0.25  # room right of bars for texts, relative to the longest: ten letters (judged)
+_ABOVE_PT = 4.0  # between a point and a text above it: clear of the marker [points]
+_MOST_NAMED = 9  # most columns or rows of a map that are named, with some eight letters (judged)
 
 
-def draw(chart: Chart, look: str = "screen", whole: bool = False) -> StyledFigure:
-    """A figure of a chart in a style of `style.STYLES`; `whole`: as wide as on the screen."""
+def draw(chart: Chart, look: str = "screen") -> StyledFigure:
+    """A figure of a chart, in a style of `style.STYLES`."""
     with style(look):
-        figure = new_figure(*chart.size, look, whole)
+        figure = new_figure(*chart.size, look)
         share: dict[str, Any] = {"sharex": chart.same_x, "sharey": chart.same_y}
-        axes = figure.subplots(
-            len(chart.rows), len(chart.rows[0]), squeeze=False,
-            width_ratios=chart.wide, height_ratios=chart.high, **share,
-        )  # fmt: skip
+        shape = len(chart.rows), len(chart.rows[0])
+        axes = figure.subplots(*shape, squeeze=False, width_ratios=chart.wide, **share)
         drawn: list[tuple[Panel, Axes]] = []
         for row, places in zip(chart.rows, axes, strict=True):
             for panel, place in zip(row, places, strict=True):
@@ -72,10 +72,10 @@ def draw(chart: Chart, look: str = "screen", whole: bool = False) -> StyledFigur
             for place in axes[:-1].flat:
                 place.set_xlabel("")
         if chart.same_y:
-            figure.get_layout_engine().set(wspace=_BESIDE)  # numbers at ends of axes do not touch
+            figure.get_layout_engine().set(wspace=_BESIDE)  # end ticks' numbers must not touch
             for place in axes[:, 1:].flat if chart.same_y is True else ():
                 place.set_ylabel("")
-        # A bar that says which value a colour has, beside the panels that share it.
+        # One colour bar for all panels with the same scale, beside them.
         scaled: dict[Axis, list[tuple[Axes, Any]]] = {}
         for panel, place in drawn:
             for mark in panel.marks:
@@ -86,7 +86,7 @@ def draw(chart: Chart, look: str = "screen", whole: bool = False) -> StyledFigur
             form, beside = Decades() if scale.log else None, [place for place, _ in images]
             figure.colorbar(images[-1][1], ax=beside, label=scale.label, format=form)
         if chart.title:
-            figure.suptitle(chart.title, color=chart.colour, fontsize=10)
+            figure.suptitle(chart.title, color="black", fontsize=10)
         if chart.key:
             shared = [place for panel, place in drawn if not panel.legend]
             key(figure, shared, chart.key, chart.key_at)
@@ -96,7 +96,7 @@ def draw(chart: Chart, look: str = "screen", whole: bool = False) -> StyledFigur
 
 
 def key(figure: Figure, axes: Any, columns: int, place: Any = "outside upper center") -> None:
-    """A legend of all that is named in some axes, each name once, to be read row by row."""
+    """A legend of everything that is named in the axes, each name once, in rows."""
     named: dict[str, Any] = {}
     for panel in np.ravel(axes):
         for handle, name in zip(*panel.get_legend_handles_labels(), strict=True):
@@ -104,30 +104,30 @@ def key(figure: Figure, axes: Any, columns: int, place: Any = "outside upper cen
     if not named:
         return
     columns = _fitting(columns, list(named), figure)
-    # matplotlib fills columns; cases are read in rows.
+    # matplotlib fills a legend by columns; cases are read by rows.
     names = [name for column in range(columns) for name in list(named)[column::columns]]
     _enlarge(figure.legend([named[name] for name in names], names, loc=place, ncols=columns))
 
 
 def _enlarge(legend: Legend) -> None:
-    """Lines and points that can be seen, whatever they are in the axes."""
+    """Thicken a legend's lines and points, so that they are visible however thin in the axes."""
     for line in legend.get_lines():
         line.set_linewidth(max(line.get_linewidth(), 2.0))
         line.set_markersize(max(line.get_markersize(), 4.0))
 
 
 def _fitting(columns: int, names: Sequence[str], figure: Figure) -> int:
-    """So many columns of a legend, or fewer where names are long or few."""
+    """Columns that a legend can have: at most `columns`, fewer where names are long or few."""
     size = mpl.rcParams["font.size"]
     column = size * (_LETTER * max(map(len, names)) + _HANDLE)
-    across = _ACROSS * 72.0 * figure.bbox.width / figure.dpi  # of a part of a figure, too
+    across = _ACROSS * 72.0 * figure.bbox.width / figure.dpi  # [points], also in a subfigure
     return max(1, min(columns, len(names), int(across / column)))
 
 
 def draw_panel(panel: Panel, axes: Axes, **options: Any) -> None:
-    """Draw into a pair of axes, in the style that they have.
+    """Draw a panel into axes, in their style.
 
-    `options` are matplotlib's for all that is data: ``color``, ``lw``, ``label`` ...
+    `options` are matplotlib's, for the marks that are data: ``color``, ``lw``, ``label`` ...
     """
     for mark in panel.marks:
         framed = isinstance(mark, Curve) and mark.frame
@@ -159,16 +159,16 @@ def draw_panel(panel: Panel, axes: Axes, **options: Any) -> None:
 
 
 class _Ticks(MaxNLocator):
-    """Ticks as far apart as their numbers are long: matplotlib's leave room for three letters."""
+    """Ticks so few that their numbers do not touch: matplotlib reckons with three letters each."""
 
     def __init__(self) -> None:
-        super().__init__("auto", steps=[1, 2, 5, 10])  # steps of 2.5 have long numbers
+        super().__init__("auto", steps=[1, 2, 5, 10])  # steps of 2.5 would give longer numbers
 
     def tick_values(self, low: float, high: float) -> Sequence[float]:
         axis: Any = self.axis
         ticks = super().tick_values(low, high)
         letters = max(len(f"{tick:.6g}") for tick in ticks)
-        # Letters of 0.64 of the font's size, and a gap of 0.8 of it.
+        # A letter is 0.64 of the font's size wide, a gap 0.8; a tick space is three sizes.
         count = int(axis.get_tick_space() * 3.0 / (0.64 * letters + 0.8))
         if len(ticks) > count + 1:
             ticks = MaxNLocator(max(count, 2), steps=[1, 2, 5, 10]).tick_values(low, high)
@@ -191,7 +191,8 @@ def _set_axis(axes: Axes, which: str, axis: Axis, panel: Panel) -> None:
     limits = [None if limit is None else factor * limit for limit in (axis.low, axis.high)]
     if limits != [None, None]:
         getattr(axes, f"set_{which}lim")(*limits)
-    if axis.log and np.isfinite(getattr(axes.dataLim, f"minpos{which}")):  # something has a place
+    # An axis without positive data stays linear: on a logarithmic one nothing has a place.
+    if axis.log and np.isfinite(getattr(axes.dataLim, f"minpos{which}")):
         logarithmic(axes, which)
     if axis.ticks is not None:
         drawn_axis.set_major_locator(
@@ -241,15 +242,13 @@ def _bars(axes: Axes, mark: Bars, panel: Panel, options: Mapping[str, Any]) -> N
     factor = panel.x.shown[0]
     values = factor * np.asarray(mark.values)
     rows = np.arange(len(values)) if mark.rows is None else np.asarray(mark.rows)
-    error = None if mark.error is None else factor * mark.error
     look: dict[str, Any] = {"color": mark.colour, "alpha": mark.opacity, **_name(mark)}
     left = factor * np.asarray(mark.left)
-    look |= {"left": left, "xerr": error} | dict(options)
-    drawn = axes.barh(rows + mark.shift, values, mark.height, **look)
+    drawn = axes.barh(rows + mark.shift, values, mark.height, left, **look | dict(options))
     if mark.texts:
         axes.bar_label(drawn, mark.texts, padding=3.0, fontsize=7)
         axes.margins(x=_TEXT_ROOM)
-    if np.any(left):  # matplotlib keeps bars that begin where others end at the edge
+    if np.any(left):  # matplotlib leaves no margin where bars begin at the ends of others
         low, high = axes.dataLim.intervalx
         axes.set_xlim(1.03 * min(low, 0.0), 1.03 * high)
 
@@ -300,11 +299,11 @@ def _map(axes: Axes, mark: Map, panel: Panel, options: Mapping[str, Any]) -> Non
         look = {"ha": "center", "va": "center", "fontsize": 7}
         for (row, column), value in np.ndenumerate(values):
             if np.isfinite(value):
-                colour = "white" if value < middle else "0.1"  # on a dark page, too
+                colour = "white" if value < middle else "0.1"  # not black: dark pages invert it
                 axes.text(column, row, f"{value:.3g}", color=colour, **look)
 
 
-def _label(axes: Axes, mark: Words, panel: Panel, options: Mapping[str, Any]) -> None:
+def _label(axes: Axes, mark: Label, panel: Panel, options: Mapping[str, Any]) -> None:
     place = panel.x.shown[0] * mark.x, panel.y.shown[0] * mark.y
     look: dict[str, Any] = {"ha": mark.above or "center", "fontsize": 8 if mark.above else 7}
     look |= {"va": "bottom"} if mark.above else {"va": "center", "color": "0.4"}
@@ -320,5 +319,5 @@ _DRAWN: dict[type, Any] = {
     Area: _area,
     Dots: _dots,
     Map: _map,
-    Words: _label,
+    Label: _label,
 }

@@ -15,9 +15,9 @@ from jointplay.show.plots.names import MODE_TERMS
 from jointplay.show.plots.palette import BLUE, VERMILION
 from jointplay.show.plots.style import StyledFigure, footnote, new_figure, style
 
-_RADIUS, _HALF = 0.7, 1.5  # of the drawn journal
-_ROOM = 0.16  # between the journal and a wall that it does not touch
-_TILT = 0.09
+_RADIUS, _HALF = 0.7, 1.5  # radius and half length of the drawn journal
+_ROOM = 0.16  # gap between the journal and a wall that it does not touch
+_TILT = 0.09  # of the drawn journal [rad]
 _SIDES = ("radial_A", "radial_B", "axial_A", "axial_B")
 
 FORMS: Mapping[Form, tuple[float, tuple[str, ...]]] = {
@@ -38,7 +38,7 @@ FORMS: Mapping[Form, tuple[float, tuple[str, ...]]] = {
 
 
 def _corners(tilt: float, x: float = 0.0, y: float = 0.0) -> np.ndarray:
-    """Corners of the journal's section: top right, top left, bottom left, bottom right."""
+    """Corners of the tilted journal's section: top right, top left, bottom left, bottom right."""
     c, s = math.cos(tilt), math.sin(tilt)
     box = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) * [_HALF, _RADIUS]
     return box @ np.array([[c, s], [-s, c]]) + [x, y]
@@ -125,7 +125,7 @@ def _sizes(panel: Axes) -> None:
 
 
 def _modes(panel: Axes) -> None:
-    """Figure 3: the modes across the axis."""
+    """Figure 3: the modes, in sections across the axis."""
     for k, (name, away) in enumerate(zip(MODE_TERMS, (0.1, 0.3, 0.38), strict=True)):
         x = 2.3 * k
         panel.add_patch(Circle((x, 0.0), 1.0, fc="none", ec="black", lw=1.6))
@@ -139,7 +139,7 @@ def _modes(panel: Axes) -> None:
 
 
 def _crossing(panel: Axes) -> None:
-    """Figure 4: axes that meet."""
+    """Figure 4: gaps where the axes of journal and bearing meet."""
     tilt = 0.12
     corners = _corners(tilt)
     _bearing(panel, -1.8, 1.8, -1.05, 1.05)
@@ -160,7 +160,7 @@ def _crossing(panel: Axes) -> None:
 
 
 def _parallel(panel: Axes) -> None:
-    """Figure 5: axes that are parallel."""
+    """Figure 5: gaps where the axes are parallel."""
     at = np.array([0.12, 0.16])
     corners = _corners(0.0, *at)
     _bearing(panel, -1.8, 1.8, -1.05, 1.05)
@@ -181,7 +181,7 @@ def _parallel(panel: Axes) -> None:
 
 
 def joint_drawings() -> StyledFigure:
-    """Figures 1, 3, 4 and 5: sizes, modes, gaps of axes that meet and that are parallel."""
+    """Figures 1, 3, 4 and 5: sizes, modes, and gaps of axes that meet or are parallel."""
     with style():
         figure = new_figure(9.5, 5.6)
         axes = figure.subplots(2, 2)

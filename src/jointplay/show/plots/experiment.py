@@ -7,7 +7,7 @@ from jointplay.show.plots.chart import Area, Axis, Chart, Curve, Mark, Panel
 from jointplay.show.plots.palette import BLUE
 
 _DENSE = 200
-"""Measured values from which they are a line, not points (judged: points would touch)."""
+"""Measured values beyond which they are drawn as a line: points would touch (judged)."""
 
 
 def overlay(comparison: ExperimentComparison) -> Chart:

@@ -1,4 +1,4 @@
-"""Figures of one or several cases, named by what they show; the paper's, as it numbers them."""
+"""Figures that compare runs; those of the paper's robot get the paper's numbers."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ import pinocchio as pin
 from jointplay.base import files
 from jointplay.base.processes import in_parallel
 from jointplay.model.mechanism import Mechanism
-from jointplay.show.plots.chart import Axis, Chart, Curve, Panel, Rule, Words, overlaid
+from jointplay.show.plots.chart import Axis, Chart, Curve, Label, Panel, Rule, overlaid
 from jointplay.show.plots.draw import draw
 from jointplay.show.plots.names import MARK, PAPER, SHORT, is_paper_robot, kinds
 from jointplay.show.plots.palette import GREY, VERMILION, Cases, colours, many, reference
@@ -26,9 +26,9 @@ from jointplay.simulation.analysis.vibration import TooShort
 from jointplay.simulation.result.result import AXES, Result
 
 _LEGEND_COLUMNS = 3
-_ORBITS = 3  # columns of a legend, and of orbits, at most
-_HEADROOM = 1.2  # above a named peak, relative to it: a line of words (judged)
-_STILL = 1e-6  # motion or force along an axis relative to the largest, below which there is none
+_ORBITS = 3  # most orbits side by side
+_HEADROOM = 1.2  # top of an axis relative to its labelled peak: room for a line of text (judged)
+_STILL = 1e-6  # motion or force along an axis that counts as none, relative to the largest
 
 
 def coloured(cases: Cases) -> list[tuple[str, Result, str]]:
@@ -36,15 +36,8 @@ def coloured(cases: Cases) -> list[tuple[str, Result, str]]:
     return list(zip(cases, cases.values(), colours(cases), strict=True))
 
 
-def is_paper(cases: Cases) -> bool:
-    """Whether the cases are runs of the paper's robot, whose figures have the paper's numbers."""
-    return all(
-        is_paper_robot(analysis.inputs(result)["mechanism"]["urdf"]) for result in cases.values()
-    )
-
-
 def _with_start(panels: Iterable[Panel], cases: Cases) -> tuple[list[Panel], str]:
-    """Panels over time in which what is not judged is shaded; its words."""
+    """Panels over time with the part that is not judged shaded, and a note that says so."""
     until = max((result.judge_from for result in cases.values() if result.joints), default=0.0)
     if until <= 0.0:
         return list(panels), ""
@@ -54,13 +47,13 @@ def _with_start(panels: Iterable[Panel], cases: Cases) -> tuple[list[Panel], str
 
 
 def tool_panels(cases: Cases, of: str) -> list[Panel]:
-    """x, y, z of the tool over time, all cases in each."""
+    """Tool position or velocity over time, a panel for each moving axis, with all cases in each."""
     name = "displacement" if of == "tool_position" else "velocity"
     return [_over(cases, name, axis) for axis in moving_axes(cases)]
 
 
 def _over(cases: Cases, name: str, *asked: Any) -> Panel:
-    """A plot of all cases over each other, each in its colour."""
+    """The result plot `name` of all cases in one panel, each in its colour."""
     return overlaid(
         result.plot.panel(name, *asked).styled(colour=colour, name=label)
         for label, result, colour in coloured(cases)
@@ -68,7 +61,7 @@ def _over(cases: Cases, name: str, *asked: Any) -> Panel:
 
 
 def difference_panels(cases: Cases, of: str) -> list[Panel]:
-    """What play does to the tool: differences from the ideal mechanism, one for each axis."""
+    """The tool's difference from the ideal mechanism over time, a panel for each moving axis."""
     drawn = [item for item in coloured(cases) if analysis.has_tool_error(item[1])]
     return [
         overlaid(
@@ -80,7 +73,8 @@ def difference_panels(cases: Cases, of: str) -> list[Panel]:
 
 
 def _tool_history(cases: Cases, of: str) -> Chart:
-    """x, y, z over time; beside it the difference from the ideal robot, which is what play does."""
+    """Tool position or velocity over time, and beside it the difference from the ideal robot, which
+    is the effect of play."""
     axes = moving_axes(cases)
     panels, grey = _with_start(tool_panels(cases, of), cases)
     beside, _ = _with_start(difference_panels(cases, of), cases)
@@ -95,7 +89,7 @@ def _tool_history(cases: Cases, of: str) -> Chart:
 
 
 def moving_axes(cases: Cases) -> list[str]:
-    """World axes along which the tool moves in any of the cases; all, if it moves along none."""
+    """World axes along which the tool moves in any case; all of them if it does not move."""
     paths = [result["tool_position"].values for result in cases.values()]
     reach = np.max([np.nanmax(path, axis=0) - np.nanmin(path, axis=0) for path in paths], axis=0)
     moving = [axis for axis, size in zip(AXES, reach, strict=True) if size > _STILL * reach.max()]
@@ -103,35 +97,36 @@ def moving_axes(cases: Cases) -> list[str]:
 
 
 def is_straight(cases: Cases) -> bool:
-    """Whether the tool stays on a straight line along an axis: there is no path to see."""
+    """Whether the tool moves along one axis only, so that its path shows nothing."""
     return len(moving_axes(cases)) < 2
 
 
 def path_panel(cases: Cases) -> Panel:
-    """Paths of the end effector in `plane_of` the cases."""
+    """Paths of the tool in the plane that `plane_of` chooses."""
     return _over(cases, "path", plane_of(cases))
 
 
 def tool_path(cases: Cases) -> Chart:
-    """Path of the end effector in `plane_of` the cases, a close-up where it differs (Figure 11)."""
+    """Tool path, and a close-up where it differs most from the ideal one (Figure 11)."""
     panel = path_panel(cases)
     across = [AXES.index(axis) for axis in plane_of(cases)]
     whole, note = panel, ""
     look: dict[str, Any] = {"colour": "black", "line": "", "frame": True, "order": 4.0}
-    begins = [result for result in cases.values() if result.joints and result.judge_from > 0.0]
-    for result in begins:
+    judged_late = [result for result in cases.values() if result.joints and result.judge_from > 0.0]
+    for result in judged_late:
         at = result["tool_position"].values[np.searchsorted(result.time, result.judge_from)]
         x, y = at[across]
         whole = whole.with_marks(Curve([x], [y], marker="x", size=5.0, **look))
-    if begins:
-        late = max(result.judge_from for result in begins)
-        note = f"x: where the tool is when judging begins, {late:g} s after the start."
+    if judged_late:
+        latest = max(result.judge_from for result in judged_late)
+        note = f"x: where the tool is when judging begins, {latest:g} s after the start."
+    # The largest deviation in the plane, and the ideal tool's place there.
     worst, spot = 0.0, np.zeros(2)
-    beside = [] if reference(cases) is None else filter(analysis.has_tool_error, cases.values())
-    for result in beside:
-        away = np.nan_to_num(np.hypot(*result["tool_error_vector"].values[:, across].T))
-        if away.max() > worst:
-            worst, k = float(away.max()), int(away.argmax())
+    with_error = [] if reference(cases) is None else filter(analysis.has_tool_error, cases.values())
+    for result in with_error:
+        deviation = np.nan_to_num(np.hypot(*result["tool_error_vector"].values[:, across].T))
+        if deviation.max() > worst:
+            worst, k = float(deviation.max()), int(deviation.argmax())
             spot = result["ideal_tool_position"].values[k, across]
     row: list[Panel | None] = [whole]
     if worst > 0.0:
@@ -148,16 +143,16 @@ def tool_path(cases: Cases) -> Chart:
 
 
 def joints_of(cases: Cases) -> list[str]:
-    """All joints that have clearance in any of the cases."""
+    """Joints that have clearance in any case."""
     return list(dict.fromkeys(name for result in cases.values() for name in result.joints))
 
 
 def orbit_panels(
     cases: Cases, joints: Sequence[str] | None = None
 ) -> list[tuple[Panel, Panel | None]]:
-    """The path of each journal's middle, joint by joint; and that of the nearer rim, if any.
+    """Orbits of each journal's centre, and of its nearer rim if it has rims, joint by joint.
 
-    `joints`: of these alone.
+    `joints`: those to show; None shows all with clearance.
     """
     dot: dict[str, Any] = {"line": "", "marker": "o", "size": 5.0, "frame": True, "order": 4.0}
     ideal_point = Curve([0.0], [0.0], colour=VERMILION, **dot)
@@ -178,24 +173,24 @@ def orbit_panels(
 
 
 def journal_orbit(cases: Cases) -> Chart:
-    """Where the journal goes inside the clearance circle, joint by joint (Figure 12).
+    """Orbits in the clearance circle, joint by joint (Figure 12).
 
-    The centre of a cylinder's rim that is nearer to the bore, by mode, and below it the path of the
-    journal's middle; the middle alone of what has no rims.
+    Above the orbit of a cylindrical journal's centre stands that of the centre of its nearer rim,
+    coloured by mode; other journals have no rims.
     """
     shown = orbit_panels(cases)
     columns = min(max(len(result.joints) and len(cases) for result in cases.values()), _ORBITS)
     columns = max(1, min(columns, len(shown)))
-    rims = any(above is not None for _, above in shown)
+    any_rims = any(rims is not None for _, rims in shown)
     rows: list[list[Panel | None]] = []
     for first in range(0, len(shown), columns):
         line = shown[first : first + columns]
         blank = [None] * (columns - len(line))
-        if rims:
-            rows.append([*(above for _, above in line), *blank])
-        rows.append([*(middle for middle, _ in line), *blank])
+        if any_rims:
+            rows.append([*(rims for _, rims in line), *blank])
+        rows.append([*(orbit for orbit, _ in line), *blank])
     note = ""
-    if rims:
+    if any_rims:
         ideal = "; the ideal joint's is the red point" if reference(cases) else ""
         note = (
             "Above: the centre of the journal's rim that is nearer to the bore, as far inside the "
@@ -205,15 +200,15 @@ def journal_orbit(cases: Cases) -> Chart:
             "by its rims, while its middle stays inside."
         )
     size = (4.3 * columns, 0.8 + 4.1 * len(rows))
-    key = (_LEGEND_COLUMNS if columns > 1 else 1) if rims else 0
+    key = (_LEGEND_COLUMNS if columns > 1 else 1) if any_rims else 0
     return Chart(rows, size, note=note, key=key)
 
 
 def force_panels(cases: Cases, axis: str) -> list[Panel]:
-    """Force in a joint along a world axis over time, a panel a case and joint.
+    """Force in a joint along a world axis over time, a panel for each case and joint.
 
-    Of a case without clearance it is the force in the joints that have some in another, or in the
-    first that moves.
+    A case without clearance shows the joints that have clearance in another case, or else its first
+    moving joint.
     """
     panels = []
     for label, result, colour in coloured(cases):
@@ -228,7 +223,7 @@ def force_panels(cases: Cases, axis: str) -> list[Panel]:
 
 
 def loaded_axes(cases: Cases) -> list[str]:
-    """World axes along which joints carry a force in any of the cases; all, if along none."""
+    """World axes along which joints carry a force in any case; all of them if there is none."""
     largest = {
         axis: max(
             float(np.abs(mark.y).max(initial=0.0))
@@ -243,10 +238,10 @@ def loaded_axes(cases: Cases) -> list[str]:
 
 
 def joint_force(cases: Cases, axis: str) -> Chart:
-    """Force in a joint along a world axis over time, a panel a case and joint (Figures 13-15).
+    """Force in a joint along a world axis over time, by case and joint (Figures 13-15).
 
-    With clearance the contact force, each record showing the force at the instant since the last
-    record at which its magnitude was largest; for the ideal robot the constraint force.
+    With clearance it is the contact force: each record holds the force at the instant since the
+    last record at which its magnitude was largest. For the ideal robot it is the constraint force.
     """
     panels, note = _with_start(force_panels(cases, axis), cases)
     if not all(result.joints for result in cases.values()):
@@ -260,8 +255,8 @@ def joint_force(cases: Cases, axis: str) -> Chart:
 
 
 def _skeleton(mechanism: Mechanism, q: np.ndarray) -> list[np.ndarray]:
-    """Lines from each joint to that of its parent, to the ends of loops on what it carries, then to
-    the tool, in world axes (n, 3) [m]; nothing of the base."""
+    """A stick figure of the mechanism: lines (n, 3) [m] in world axes from each joint's parent to
+    the joint, from moving bodies' joints to the ends of loops on them, and to the tool."""
     model, data = mechanism.model, mechanism.data
     pin.framesForwardKinematics(model, data, q)
     at = [place.translation.copy() for place in data.oMi]
@@ -277,10 +272,10 @@ def _skeleton(mechanism: Mechanism, q: np.ndarray) -> list[np.ndarray]:
 
 
 def plane_of(cases: Cases) -> str:
-    """The paper's XOY plane, or where the tool hardly moves in it the plane in which it does."""
+    """The plane to draw paths in: xy as in the paper, unless the tool hardly moves in it."""
     places = [result["tool_position"].values for result in cases.values()]
     path = np.sort(np.ptp(np.concatenate(places), axis=0))
-    if path[1] <= 0.01 * path[2]:  # a point, or a line: its machine says in which plane
+    if path[1] <= 0.01 * path[2]:  # a point or a line is in many planes: the machine decides
         first = next(iter(cases.values()))
         for moment in (0, len(first.time) // 3, len(first.time) // 2):
             places += _skeleton(first.simulation.mechanism, first["q"].values[moment])
@@ -291,7 +286,7 @@ def plane_of(cases: Cases) -> str:
 
 
 def _with_peak(panel: Panel, start: float, until: float) -> Panel:
-    """A panel over time from zero up, its largest value from `start` on marked and named."""
+    """A panel over time from zero up, with its peak from `start` on marked and labelled."""
     curves = [mark for mark in panel.marks if isinstance(mark, Curve)]
     top, time, colour = 0.0, 0.0, ""
     for curve in curves:
@@ -305,14 +300,14 @@ def _with_peak(panel: Panel, start: float, until: float) -> Panel:
         return panel
     factor, unit = panel.y.shown
     side = "left" if time < until / 3.0 else "right" if time > 2.0 * until / 3.0 else "center"
-    peak = Words(time, top, f"peak {factor * top:.3g} {unit} at {time:.3g} s", side)
+    peak = Label(time, top, f"peak {factor * top:.3g} {unit} at {time:.3g} s", side)
     dot = Curve([time], [top], "", colour, "", marker="o", size=5.0, frame=True, order=4.0)
     up = replace(panel.y, low=0.0, high=_HEADROOM * highest)
     return replace(panel.with_marks(dot, peak), y=up)
 
 
 def _journal(result: Result, joint: str, label: str, colour: str) -> Panel:
-    """Where a journal goes in its bearing: its middle, or its rims if they alone touch."""
+    """Orbit of a journal's centre; or of its rims, where the journal tilts and they alone touch."""
     orbit = result.plot.panel("orbit", joint).styled(colour=colour)
     case = f"{label}\n" if label else ""
     place = (
@@ -339,17 +334,17 @@ def _journal(result: Result, joint: str, label: str, colour: str) -> Panel:
 
 
 def overview(cases: Cases) -> Chart:
-    """The tool's error (or the tilt), the robot from above, the force, the journal's orbit.
+    """Tool error (or tilt), the machine with the tool's path, contact force and journal's orbit.
 
-    Of a single case the forces of all joints, which the legend names; of several, of the first.
-    Where play is in gears alone, there is neither orbit nor force.
+    A single case shows the forces of all its joints, named in the legend; several cases show that
+    of one joint. Play in gears alone has neither orbit nor contact force.
     """
-    every = coloured(cases)
-    single = len(every) == 1
-    several = single and len(every[0][1].joints) > 1  # then colours are theirs
-    if several:
-        every = [(label, result, "black") for label, result, _ in every]
-    shown = [item for item in every[::-1] if item[1].joints]  # these have errors and contacts
+    runs = coloured(cases)
+    single = len(runs) == 1
+    several_joints = single and len(runs[0][1].joints) > 1  # colours then tell joints, not cases
+    if several_joints:
+        runs = [(label, result, "black") for label, result, _ in runs]
+    with_contacts = [item for item in runs[::-1] if item[1].joints]  # cases with contacts
     first = reference(cases) or next(iter(cases.values()))
     mechanism, plane = first.simulation.mechanism, plane_of(cases)
     across = [AXES.index(axis) for axis in plane]
@@ -363,32 +358,34 @@ def overview(cases: Cases) -> Chart:
         result.plot.panel("path", plane).styled(
             colour=tone, width=1.0, name=label if has_play(result) and not single else ""
         )
-        for label, result, tone in every
+        for label, result, tone in runs
     )
     plan = replace(plan, marks=[*bones, *plan.marks], title=f"{plane} plane, with the tool's path")
     error: Panel | None = None
     until = max(float(result.time[-1]) for result in cases.values())
-    seen = [item for item in every[::-1] if analysis.has_tool_error(item[1])]
-    if seen:
-        angle = all(result.tool_error.is_angle for _, result, _ in seen)
+    with_error = [item for item in runs[::-1] if analysis.has_tool_error(item[1])]
+    if with_error:
+        angle = all(result.tool_error.is_angle for _, result, _ in with_error)
         of, name = ("tool_orientation", "turn") if angle else ("tool_position", "error")
         error = overlaid(
             result.plot.panel("deviation", "total", of=of).styled(colour=tone)
-            for _, result, tone in seen
+            for _, result, tone in with_error
         ).renamed(f"tool {name}")
         error = replace(error, title=f"{error.y.name} against the ideal mechanism")
-        error = _with_peak(error, max(result.judge_from for _, result, _ in seen), until)
-    elif shown:
-        error = overlaid(result.plot.panel("tilt").styled(colour=tone) for _, result, tone in shown)
-        error = replace(error, title=f"tilt of the journal, {shown[0][1].joints[0]}")
+        error = _with_peak(error, max(result.judge_from for _, result, _ in with_error), until)
+    elif with_contacts:
+        error = overlaid(
+            result.plot.panel("tilt").styled(colour=tone) for _, result, tone in with_contacts
+        )
+        error = replace(error, title=f"tilt of the journal, {with_contacts[0][1].joints[0]}")
     around: dict[str, Any] = {"key": _LEGEND_COLUMNS, "wide": (1.5, 1.0)}
-    if not shown:
+    if not with_contacts:
         return Chart([[error, plan]], (9.0, 3.4), **around)
-    label, result, colour = shown[0]
+    label, result, colour = with_contacts[0]
     joint = result.joints[0]
     title = f"contact force at {joint}"
-    forces: list[Any] = [(result, None, tone, "") for _, result, tone in shown]
-    if several:
+    forces: list[Any] = [(result, None, tone, "") for _, result, tone in with_contacts]
+    if several_joints:
         tones = many(len(result.joints))
         title, colour = "contact forces", tones[0]
         forces = [
@@ -404,7 +401,7 @@ def overview(cases: Cases) -> Chart:
 
 
 def bearing_loads(cases: Cases) -> Chart:
-    """Largest element load and number of loaded elements over time, a row a rolling bearing."""
+    """Largest element load and number of loaded elements over time, by rolling bearing."""
     rows = []
     for joint in joints_of(cases):
         for label, result, colour in coloured(cases):
@@ -437,9 +434,11 @@ _NEEDS: dict[str, Callable[[Cases], Any]] = {
         analysis.rolls(result, joint) for result in cases.values() for joint in result.joints
     ),
 }
+"""Conditions for drawing a figure; figures without one are always drawn."""
 
 
 def _charts(cases: Cases, short: bool = False) -> Iterator[tuple[str, Chart]]:
+    """Names and charts of the figures for which the cases have data, or of `SHORT` among them."""
     names = [name for name in CHARTS if name not in _NEEDS or _NEEDS[name](cases)]
     if short and "overview" in names:
         names = [name for name in names if name in SHORT]
@@ -453,27 +452,28 @@ def save(
     pdf: bool = False,
     short: bool = False,
 ) -> list[Path]:
-    """Draw all figures into `folder` as PNG; the paper's under their numbers.
+    """Draw all figures into `folder` as PNG, those of the paper's robot under the paper's numbers.
 
     Orbits are left out if no case has clearance, the overview if none has play, the path if it is a
-    straight line.
-    Figures drawn earlier are replaced.
+    straight line. Figures drawn earlier are replaced.
 
     Args:
         cases: results by label.
         folder: where the files go.
-        pdf: draw each as PDF, too.
-        short: only the overview, and the loads of rolling bearings; all where nothing has play.
+        pdf: also draw each as PDF.
+        short: draw the overview and the loads of rolling bearings only; all if nothing has play.
 
     Returns:
         The files written.
 
     Raises:
-        JointplayError: another file has the name of one, or it cannot be written.
+        JointplayError: a file that is not such a figure has its name, or one cannot be written.
     """
     charts, written = list(_charts(cases, short)), []
-    paper = is_paper(cases)
-    half = (len(charts) + 1) // 2 if len(charts) > 2 else len(charts)  # a process costs a figure
+    urdfs = (analysis.inputs(result)["mechanism"]["urdf"] for result in cases.values())
+    paper = all(map(is_paper_robot, urdfs))
+    # A second process draws half of them; it costs as much time as one figure.
+    half = (len(charts) + 1) // 2 if len(charts) > 2 else len(charts)
     rest = partial(_drawn, charts[half:], pdf)
     with in_parallel(rest) if charts[half:] else nullcontext(list) as others:
         for shown, kind, content in chain(_drawn(charts[:half], pdf), others()):
@@ -489,12 +489,12 @@ def _drawn(charts: Iterable[tuple[str, Chart]], pdf: bool) -> list[tuple[str, st
         figure = draw(chart)
         for kind in kinds(pdf):
             pictures.append((name, kind, files.drawn(figure, kind, MARK)))
-            figure.set_layout_engine("none")  # laid out by now; again costs a third more
+            figure.set_layout_engine("none")  # it is laid out; to repeat that costs a third more
     return pictures
 
 
 def spectrum_panels(cases: Cases, start: float | None) -> list[Panel]:
-    """Spectra of the tool's acceleration by axis; runs that are too short are named so."""
+    """Spectra of the tool's acceleration by axis; legends say which runs are too short for one."""
     panels = []
     for axis in AXES:
         panel = Panel(Axis("frequency", "Hz", log=True), Axis(axis, "(m/s^2)^2/Hz", log=True))

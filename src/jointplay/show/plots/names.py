@@ -1,4 +1,4 @@
-"""What figures and results are called; nothing that draws is imported here."""
+"""Names of figures, modes, robots and results, without importing anything that draws."""
 
 from __future__ import annotations
 
@@ -16,26 +16,26 @@ if TYPE_CHECKING:
 
 PAPER_ROBOTS = ("scara.urdf", "scara_as_printed.urdf")
 
-MARK = "jointplay figures"  # in the files' metadata: pictures that may be replaced
+MARK = "jointplay figures"  # in the pictures' metadata: files with it may be replaced
 
 NAMES = (
     *("tool_displacement", "tool_velocity", "tool_path", "journal_orbit"),
     *("force_x", "force_y", "force_z", "overview", "bearing_loads"),
 )
-"""Figures that compare cases, in order."""
+"""Figures of one or several cases, in the order in which they are drawn."""
 
 SHORT = ("overview", "bearing_loads")
-"""Those of a single case that are drawn unless all are wanted."""
+"""Figures that `save` draws when it is asked for few."""
 
 PAPER = {name: f"fig{9 + k:02d}" for k, name in enumerate(NAMES[:-2])}
-"""Names of the paper's figures."""
+"""Numbers of those figures in the paper, 9 to 15, as file names."""
 
 
 MODES = ("no contact", "just touching", "in contact")
 """Plain names of a journal's modes, in the order of `geometry.Mode`."""
 
 MODE_TERMS = ("free flight", "continuous contact", "pseudo-penetration")
-"""What the paper calls them (Table 1)."""
+"""The paper's terms for these modes (Table 1)."""
 
 MODE_MEANINGS = (
     "a gap of more than 0.1 µm on every side",
@@ -43,28 +43,32 @@ MODE_MEANINGS = (
     "pressed together: the ordinary state of a loaded joint; the surfaces overlap by the elastic "
     "deflection",
 )
-"""When a journal is in each."""
+"""Condition of each mode."""
 
 
 def is_paper_robot(urdf: str) -> bool:
-    """Whether a URDF of this name is the paper's robot."""
+    """Whether a URDF's path is that of the paper's robot, by its file name."""
     return Path(urdf.rpartition(":")[2]).name in PAPER_ROBOTS
 
 
 def kinds(pdf: bool) -> tuple[str, ...]:
-    """Formats of a figure: vector graphics take three times as long as an image."""
+    """File formats of a figure; PDF only on demand, as it takes three times as long as PNG."""
     return ("png", "pdf") if pdf else ("png",)
 
 
 def file_names(paper: bool, rolling: bool = True, pdf: bool = False) -> list[str]:
-    """Names of all files that `figures.save` may write, of `paper` those with its numbers."""
+    """Names of all files that `figures.save` may write, with the paper's numbers for its robot."""
     shown = NAMES if rolling else NAMES[:-1]
     names = [PAPER.get(name, name) if paper else name for name in shown]
     return [f"{name}.{kind}" for name in names for kind in kinds(pdf)]
 
 
 def load_one(place: str | Path) -> Result:
-    """The only result at a place."""
+    """The only result at a place: a file, or a folder with one.
+
+    Raises:
+        JointplayError: several results, or as `load`.
+    """
     path = Path(place)
     results = load([path])
     if len(results) > 1:
@@ -75,14 +79,14 @@ def load_one(place: str | Path) -> Result:
 
 
 def load(paths: Sequence[str | Path], labels: Sequence[str] = ()) -> dict[str, Result]:
-    """Read results by label; a folder stands for those in it, the ideal mechanism's first.
+    """Read results by label; a folder stands for the results in it, the ideal mechanism's first.
 
-    Labels are by default the cases of a scenario as its author wrote them, or the first that tell
-    the results apart: the files' names without suffix, their folders', or the whole paths.
+    By default labels are the names of the scenario's cases, or else the first of these that tell
+    the results apart: file names without suffix, folder names, whole paths.
 
     Raises:
-        JointplayError: a file that is missing, given twice, damaged or no result; a folder without
-            any; labels that do not fit.
+        JointplayError: a file that is missing, given twice, damaged or not a result; a folder
+            without results; labels that do not fit.
     """
     from jointplay.simulation.result.result import Result
 
@@ -118,18 +122,18 @@ def load(paths: Sequence[str | Path], labels: Sequence[str] = ()) -> dict[str, R
 
 
 def _files_in(folder: Path) -> list[Path]:
-    """Files of results in a folder, in the order of their cases."""
-    return sorted(folder.glob("*.nc"), key=_place_in_folder)
+    """Files of results in a folder: the ideal mechanism first, then by name, numbers as numbers."""
 
+    def place(file: Path) -> tuple[bool, list[tuple[float, str]]]:
+        parts = re.split(r"(\d+(?:\.\d+)?)", file.stem)
+        numbers = [(float(p), "") if p[:1].isdigit() else (0.0, p) for p in parts]
+        return file.stem != "ideal", numbers
 
-def _place_in_folder(file: Path) -> tuple[bool, list[tuple[float, str]]]:
-    """The ideal mechanism stands first; numbers in names count as such."""
-    parts = re.split(r"(\d+(?:\.\d+)?)", file.stem)
-    return file.stem != "ideal", [(float(p), "") if p[:1].isdigit() else (0.0, p) for p in parts]
+    return sorted(folder.glob("*.nc"), key=place)
 
 
 def title_of(results: Mapping[str, Result]) -> str:
-    """The title of the scenario that results belong to; else robot and joints with play."""
+    """The title of the results' scenario, or else their robots and joints with play."""
     titles = dict.fromkeys(
         str(result.dataset.attrs.get("title", "")) for result in results.values()
     )
@@ -142,6 +146,6 @@ def title_of(results: Mapping[str, Result]) -> str:
 
 
 def robot_of(result: Result) -> str:
-    """The name of a run's robot: that of its URDF's file; of a linkage the scenario's title."""
+    """The name of a run's robot: its URDF's file name, or the scenario's title for a linkage."""
     name = Path(str(analysis.inputs(result)["mechanism"]["urdf"]).rpartition(":")[2]).stem
     return str(result.dataset.attrs.get("title") or name) if name == DRAWN else name

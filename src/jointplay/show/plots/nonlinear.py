@@ -13,9 +13,9 @@ from jointplay.show.plots.palette import COLOURS, LINE, VERMILION, many
 from jointplay.study.nonlinear.analyses import Findings
 from jointplay.study.nonlinear.lyapunov import Exponent
 
-_WIDE_PT = 480.0  # width of a bifurcation diagram between its axes, about [points]
+_WIDE_PT = 480.0  # approximate width of a bifurcation diagram's axes [points]
 _POINTS_PT = (2.0, 5.0)
-"""Smallest and largest diameter of its dots: half as large, they are not seen in print [points]."""
+"""Smallest and largest diameter of its dots [points]; half as large, they vanish in print."""
 
 
 def turns(
@@ -25,7 +25,8 @@ def turns(
     labels: Sequence[str],
     title: str = "",
 ) -> Figure:
-    """Quantities (n, quantities) over the crank's angle in turns (n,), and without clearance."""
+    """Time histories (n, quantities) over the crank's angle in turns (n,), with and without
+    clearance."""
     x = Axis("turn", low=float(angle[0]), high=float(angle[-1]))
     rows: list[list[Panel | None]] = []
     for label, history, plain in zip(labels, values.T, ideal.T, strict=True):
@@ -47,7 +48,8 @@ def bifurcation(
     title: str = "",
     caption: str = "",
 ) -> Figure:
-    """Samples once a turn (n, turns) over a parameter (n,); rows that are no numbers failed."""
+    """Bifurcation diagram: samples once a turn (n, turns) over a parameter (n,); nan where a run
+    failed."""
     size = float(np.clip(_WIDE_PT / max(len(values), 1), *_POINTS_PT))
     at = np.repeat(values, samples.shape[1])
     dots = Curve(at, samples.ravel(), line="", marker="o", size=size, opacity=0.7)
@@ -56,7 +58,7 @@ def bifurcation(
 
 
 def poincare(points: np.ndarray, labels: Sequence[str], title: str = "") -> Figure:
-    """A section: two quantities once a turn, shape (turns, 2), coloured in order."""
+    """Poincaré section: two quantities once a turn, shape (turns, 2), coloured in order."""
     x, y = points.T
     dots = Dots(x, y, np.arange(len(points)), Axis("turn after settling"), size=7.0)
     panel = Panel(Axis(labels[0]), Axis(labels[1]), [dots], title)
@@ -64,7 +66,7 @@ def poincare(points: np.ndarray, labels: Sequence[str], title: str = "") -> Figu
 
 
 def exponent(growths: np.ndarray, estimate: Exponent, turn: float, title: str = "") -> Figure:
-    """How the exponent settles with the turns averaged over, and its interval of confidence.
+    """Convergence of the largest Lyapunov exponent with the turns, and its confidence interval.
 
     `growths`: mean growth in each turn [1/s]; `turn`: time of one [s].
     """
@@ -85,7 +87,7 @@ def exponent(growths: np.ndarray, estimate: Exponent, turn: float, title: str = 
 def exponents(
     values: np.ndarray, estimates: Sequence[Exponent | None], across: str, title: str = ""
 ) -> Figure:
-    """Largest exponents over a parameter, with intervals; None where a run failed."""
+    """Largest Lyapunov exponents over a parameter, with intervals; None where a run failed."""
     known = [
         (value, estimate)
         for value, estimate in zip(values, estimates, strict=True)
@@ -107,7 +109,7 @@ def exponents(
 
 
 def recurrence(near: np.ndarray, span: float, title: str = "") -> Figure:
-    """A recurrence plot over a number of turns."""
+    """Recurrence plot: `near` (n, n) tells which instants are close in state, over `span` turns."""
     places = Map(near, palette="binary", extent=(0.0, span, 0.0, span))
     return draw(Chart([[Panel(Axis("turn"), Axis("turn"), [places], title)]], (5.0, 5.2)))
 
@@ -116,10 +118,10 @@ def waterfall(
     values: np.ndarray, order: np.ndarray, amplitudes: np.ndarray, across: str, up: str,
     title: str = "",
 ) -> Figure:  # fmt: skip
-    """Spectra over a parameter: a line for each of some of the values, and all as a map.
+    """Spectra over a parameter: a waterfall of up to 25 of them, and all as a map.
 
-    Amplitudes (n, m) of the parameter's values (n,), rows that are no numbers failed, over `order`:
-    multiples of the turning speed (m,).
+    `amplitudes` (n, m) are those of the parameter's `values` (n,), nan where a run failed, over
+    `order` (m,), the frequency in multiples of the turning speed.
     """
     good = np.isfinite(amplitudes).all(axis=1)
     values, amplitudes = values[good], amplitudes[good]
@@ -143,10 +145,10 @@ def waterfall(
 def basin(
     places: np.ndarray, labels: np.ndarray, periods: Sequence[int], joint: str, title: str = ""
 ) -> Figure:
-    """Where a journal's motion ends, over where it starts (n, 2) [m].
+    """Basins of attraction: the orbit on which a journal ends, over where it starts (n, 2) [m].
 
-    `labels`: index of the orbit, -1 where the motion does not repeat itself, -2 where it failed;
-    `periods` of the orbits [turns].
+    `labels`: index of that orbit, -1 where the motion does not repeat itself, -2 where the run
+    failed; `periods` of the orbits [turns].
     """
     names = {-1: "does not repeat itself", -2: "failed"}
     colours = {-1: "#595959", -2: "#d9d9d9"}
@@ -169,6 +171,6 @@ _DRAWN = {
 
 
 def figure(findings: Findings) -> Figure:
-    """What an analysis found."""
+    """The figure of an analysis of nonlinear dynamics."""
     drawn: Figure = _DRAWN[findings.figure](**findings.data)  # type: ignore[operator]
     return drawn

@@ -1,31 +1,32 @@
-"""One colour for each case, wherever it is drawn: figures, report, player."""
+"""The palette: one colour for each case, axis, contact and mode in figures, report and player."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from itertools import cycle
 from typing import Any
 
 from jointplay.simulation.analysis.twins import has_play
 from jointplay.simulation.result.result import Result
 
 COLOURS = ("#D55E00", "#0072B2", "#CC79A7", "#E69F00", "#009E73", "#56B4E9")
-"""For cases. The paper's red (ideal), blue (0.2 mm) and magenta (0.5 mm), and further ones, in the
+"""Colours of cases: the paper's red (ideal), blue (0.2 mm) and magenta (0.5 mm), and others, in
 shades of Okabe and Ito's colour-blind safe palette (Color Universal Design, 2008), in the order in
 which neighbours differ most."""
 VERMILION, BLUE, PINK, ORANGE, GREEN, SKY = COLOURS
 
 GREY, LINE = "#e0e0e0", "#808080"
-"""Of what is not judged, and of lines that are no data."""
+"""Colours of time that is not judged, and of lines that are not data."""
 
 AXIS_COLOURS = {"x": BLUE, "y": VERMILION, "z": GREEN, "total": "black"}
-"""For components along axes."""
+"""Colours of a vector's components and of its norm."""
 
 CONTACT_COLOURS = (BLUE, GREEN, SKY, VERMILION, PINK, ORANGE, LINE)
-"""For the contacts of a joint, its coordinates, and terms of the energy: neighbours differ most."""
-_DASHES = ("-", "--", ":")  # tell curves apart that share a colour: a slider has up to sixteen
+"""Colours of a joint's contacts, of coordinates and of energy terms: neighbours differ most."""
+_DASHES = ("-", "--", ":")  # tell apart curves of one colour: a slider has up to sixteen contacts
 
 MODE_COLOURS = ("#B4BDC5", "#5AA5D0", "#34709F")
-"""For the modes of a journal, `names.MODES`: the closer the contact, the deeper the blue."""
+"""Colours of a journal's modes, `names.MODES`: the closer the contact, the deeper the blue."""
 
 Cases = Mapping[str, Result]
 """Results by label, in drawing order; the first one without clearance is the reference."""
@@ -37,25 +38,19 @@ def reference(cases: Cases) -> Result | None:
 
 
 def colours(cases: Cases) -> list[str]:
-    """The colour of each case, wherever it is drawn: figures, report, player."""
-    ideal, used, chosen = reference(cases), 0, []
-    for result in cases.values():
-        if result is ideal:  # red means ideal, wherever it stands; without one red stays free
-            chosen.append(COLOURS[0])
-            continue
-        used += 1
-        chosen.append(COLOURS[1 + (used - 1) % (len(COLOURS) - 1)])
-    return chosen
+    """The colour of each case. Red is kept for the ideal mechanism, whichever place it has."""
+    ideal, others = reference(cases), cycle(COLOURS[1:])
+    return [COLOURS[0] if result is ideal else next(others) for result in cases.values()]
 
 
 def look_of(index: int) -> dict[str, Any]:
-    """Colour and dashes of one of many curves."""
-    round_, at = divmod(index, len(CONTACT_COLOURS))
-    return {"colour": CONTACT_COLOURS[at], "line": _DASHES[round_ % len(_DASHES)]}
+    """Colour and dashes of the curve at this index of many: dashes change once colours repeat."""
+    cycles, at = divmod(index, len(CONTACT_COLOURS))
+    return {"colour": CONTACT_COLOURS[at], "line": _DASHES[cycles % len(_DASHES)]}
 
 
 def many(number: int) -> list[str]:
-    """So many colours: beyond six, shades of viridis, each light one beside a dark one."""
+    """As many colours as asked for: beyond six, shades of viridis, light beside dark."""
     if number <= len(COLOURS):
         return list(COLOURS[:number])
     import numpy as np

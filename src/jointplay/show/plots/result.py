@@ -1,4 +1,8 @@
-"""`result.plot`: every quantity of one run as a chart of one panel, drawn where it is asked for."""
+"""`result.plot`: each quantity of a run as a panel, drawn as a figure or into given axes.
+
+A method of `Plots` describes its panel as data; the decorator `_drawn` makes it draw that panel,
+and `Plots.panel` returns it undrawn, for charts of several results and for pages.
+"""
 
 from __future__ import annotations
 
@@ -33,24 +37,25 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _TICKS = 5
-"""Intervals between those of an orbit, at most: those of three orbits in a row do not touch."""
+"""Most intervals between ticks of an orbit's axes: so few fit beside two further orbits."""
 _DRAWN_DEPTH = 0.15
-"""Depth of penetration of a rim as drawn, relative to the clearance: 99 % are less deep."""
-_RIM_EDGE = 1.5  # where deeper ones are drawn, relative to the clearance
-_RIM_COLOURS = (ORANGE, GREEN, MODE_COLOURS[2])  # points need more contrast than bars
+"""Drawn depth, relative to the clearance, to which a rim's penetration is magnified (its 99 %
+quantile)."""
+_RIM_EDGE = 1.5  # radius at which deeper penetration is cut off, relative to the clearance
+_RIM_COLOURS = (ORANGE, GREEN, MODE_COLOURS[2])  # by mode; points need more contrast than bars
 _MARKERS = "o^sDvP*"
 
 ALWAYS = ("displacement", "velocity", "path", "coordinates", "forces", "energy", "spectrum")
-"""Plots that have a meaning for every run."""
+"""Plots that exist for every run."""
 NEED_CLEARANCE = ("orbit", "contacts", "gaps", "modes", "tilt", "impacts")
-"""Plots that have one only with clearance."""
+"""Plots that exist for every run with clearance."""
 
 _HISTORIES = {
     "q": ("position", {"rad": "rad", "m": "m"}),
     "v": ("velocity", {"rad": "rad/s", "m": "m/s"}),
     "drive": ("drive", {"rad": "N*m", "m": "N"}),
 }
-"""Names of the histories of coordinates, and their units by the coordinate's own."""
+"""Histories of coordinates: their names, and units by the unit of the coordinate."""
 
 _ENERGIES = {
     "kinetic_energy": "kinetic",
@@ -65,7 +70,10 @@ TIME = Axis("time", "s")
 
 
 def _drawn(width: float = 6.0, height: float = 3.2) -> Callable[..., Callable[..., Figure]]:
-    """A method that describes a panel as one that draws it, its figure of this size [inches]."""
+    """A decorator that lets a method which describes a panel draw it in a figure [inches].
+
+    The drawing method also takes `ax`, `style` and matplotlib's options.
+    """
 
     def decorate(describe: Callable[..., Panel]) -> Callable[..., Figure]:
         named = inspect.signature(describe).parameters
@@ -77,13 +85,13 @@ def _drawn(width: float = 6.0, height: float = 3.2) -> Callable[..., Callable[..
             from jointplay.show.plots import draw  # pages need no matplotlib
             from jointplay.show.plots import style as look
 
-            given = {name: options.pop(name) for name in named if name in options}
-            panel = describe(self, *args, **given)
+            own = {name: options.pop(name) for name in named if name in options}
+            panel = describe(self, *args, **own)
             if ax is not None:
                 draw.draw_panel(panel, ax, **options)
                 look.literal(ax)
                 return look.figure_of(ax)
-            rows = panel.y.rows
+            rows = panel.y.rows  # a timeline is as high as its rows' labels need
             high = 0.9 + 0.24 * "\n".join(rows).count("\n") + 0.24 if rows else height
             with look.style(style):
                 figure = look.new_figure(width, high, style)
@@ -96,7 +104,7 @@ def _drawn(width: float = 6.0, height: float = 3.2) -> Callable[..., Callable[..
 
 
 class Plots:
-    """Draws one result. Each method returns the figure and also takes these keywords.
+    """Plots of one result. Each method returns its figure, and also takes these keywords.
 
     Args:
         ax: axes to draw into, which keep their own style; None makes a figure.
@@ -105,7 +113,7 @@ class Plots:
     Further keywords go to the drawn lines: ``color``, ``lw``, ``label``, ``alpha`` ...
 
     Raises:
-        JointplayError: the plot has no meaning for this result; the message names those that have.
+        JointplayError: the result has no such plot; the message names those that it has.
         MissingName: no such joint, axis or style.
     """
 
@@ -117,7 +125,7 @@ class Plots:
 
     @property
     def available(self) -> tuple[str, ...]:
-        """Names of the plots that have a meaning for this result."""
+        """Names of the plots that this result has."""
         result, joints = self.result, self.result.joints
         further = {
             "rims": any(analysis.has_rims(result, joint) for joint in joints),
@@ -129,15 +137,15 @@ class Plots:
         return (*names, *(name for name, there in further.items() if there))
 
     def panel(self, name: str, *args: Any, **options: Any) -> Panel:
-        """What a plot shows, as data: for charts of several results, and pages."""
+        """A plot's panel as data, for charts of several results and for pages."""
         described: Panel = getattr(Plots, name).__wrapped__(self, *args, **options)
         return described
 
     @_drawn(4.8, 5.0)
     def orbit(self, joint: str | None = None) -> Panel:
-        """Path of the journal's centre in its clearance circle, bearing frame [mm] (Fig. 12).
+        """Orbit of the journal's centre in its clearance circle, bearing frame [mm] (Fig. 12).
 
-        Of a rolling bearing the inner ring's centre in the outer ring's frame [µm].
+        For a rolling bearing, the inner ring's centre in the outer ring's frame [µm].
         """
         name = self._joint("orbit", joint)
         ring = analysis.rolls(self.result, name)
@@ -158,13 +166,13 @@ class Plots:
             across, up = centre[part, :2].T
             return Curve(across, up, at=time[part], width=0.5, **look)
 
-        if first:  # what is not judged
+        if first:  # the time that is not judged, in grey
             marks.append(path(slice(first + 1), colour="#cccccc", frame=True))
         return Panel(x, y, [*marks, path(slice(first, None))], title, equal="box")
 
     @staticmethod
     def _plane(ring: bool, **limits: Any) -> tuple[Axis, Axis]:
-        """Axes across a bearing, of which rolling ones are shown much larger."""
+        """Axes across a bearing; for the rings of a rolling bearing in a smaller unit."""
         frame, size = ("outer ring's", "fine") if ring else ("bearing", "")
         x, y = (
             Axis(f"{axis} in the {frame} frame", "m", size, ticks=_TICKS, **limits) for axis in "xy"
@@ -179,7 +187,7 @@ class Plots:
         penetration as far outside, magnified. Records that are not judged are left out.
 
         Raises:
-            JointplayError: the journal is no cylinder.
+            JointplayError: the journal is not a cylinder.
         """
         name = self._joint("rims", joint)
         if not analysis.has_rims(self.result, name):
@@ -189,19 +197,21 @@ class Plots:
             )
         judged = self.result.time >= self.result.judge_from
         gaps = self.result["gap"].sel(joint=name).values[judged, :2]
-        nearer, each = gaps.argmin(axis=1), np.arange(len(gaps))
-        gap = gaps[each, nearer]
-        across = analysis.rim_centres(self.result, name)[:, judged, :2][nearer, each]
+        nearer, record = gaps.argmin(axis=1), np.arange(len(gaps))
+        gap = gaps[record, nearer]
+        across = analysis.rim_centres(self.result, name)[:, judged, :2][nearer, record]
         mode = self.result["mode"].sel(joint=name).values[judged]
         room = analysis.clearance_outline(self.result, name)
         assert room is not None  # a cylinder's is a circle
         clearance = float(room.max())
+        # The radius drawn is the clearance less the gap, of which the negative part is magnified so
+        # that all but 1 % of penetration stays within `_DRAWN_DEPTH`.
         deep = np.quantile(-gap[gap < 0.0], 0.99) if (gap < 0.0).any() else clearance
         factor = max(1.0, round_below(_DRAWN_DEPTH * clearance / deep))
-        reach = clearance - np.where(gap < 0.0, factor * gap, gap)
-        reach = np.minimum(reach, _RIM_EDGE * clearance)
+        radius = clearance - np.where(gap < 0.0, factor * gap, gap)
+        radius = np.minimum(radius, _RIM_EDGE * clearance)
         far = np.linalg.norm(across, axis=1)
-        drawn = across * np.divide(reach, far, out=np.ones_like(far), where=far > 0.0)[:, None]
+        drawn = across * np.divide(radius, far, out=np.ones_like(far), where=far > 0.0)[:, None]
         marks = [outline(*room)]
         for kind in reversed(Mode):
             label = f"{MODE_TERMS[kind]} ({MODES[kind]})"
@@ -215,7 +225,7 @@ class Plots:
     def contacts(self, joint: str | None = None) -> Panel:
         """Largest normal force at each of the joint's contacts since the last record [N].
 
-        Of a rolling bearing the load of the most loaded element.
+        For a rolling bearing, the load of the most loaded element.
         """
         name = self._joint("contacts", joint)
         ring = analysis.rolls(self.result, name)
@@ -224,7 +234,7 @@ class Plots:
 
     @_drawn()
     def loaded(self, joint: str | None = None) -> Panel:
-        """How many balls or rollers bear load, over time; None: of the first rolling bearing."""
+        """Number of balls or rollers that bear load, over time; by default of the first bearing."""
         rolling = (name for name in self.result.joints if analysis.rolls(self.result, name))
         name = self._joint("loaded", joint or next(rolling, None))
         if not analysis.rolls(self.result, name):
@@ -237,7 +247,7 @@ class Plots:
 
     @_drawn()
     def gaps(self, joint: str | None = None) -> Panel:
-        """Smallest gap at each of the joint's contacts since the last record; < 0 sunk in [mm]."""
+        """Smallest gap at each of the joint's contacts since the last record; < 0: overlap [mm]."""
         name = self._joint("gaps", joint)
         axis = Axis("gap", "m")
         if analysis.rolls(self.result, name):
@@ -246,7 +256,7 @@ class Plots:
 
     @_drawn()
     def modes(self, joint: str | None = None) -> Panel:
-        """Timeline of the joint's mode (Table 1), with the share of the time in each."""
+        """Timeline of the joint's contact mode (Table 1), with the share of time in each."""
         name = self._joint("modes", joint)
         shares = list(analysis.time_fractions(self.result, name).values())
         modes, texts = list(Mode), list(MODES)
@@ -260,7 +270,7 @@ class Plots:
 
     @_drawn()
     def forms(self, joint: str | None = None) -> Panel:
-        """Timeline of the contact forms that occurred (Figure 2), with the share of each."""
+        """Timeline of the contact forms that occurred (Figure 2), with their shares of the time."""
         name = self._joint("forms", joint)
         shares = analysis.time_fractions(self.result, name, "form")
         if not shares:
@@ -278,7 +288,7 @@ class Plots:
     def _timeline(
         self, variable: str, joint: str, members: Sequence[int], rows: list[str], colours: list[str]
     ) -> Panel:
-        """A row for each member, filled while a variable equals it."""
+        """A row for each member, filled while the variable equals it."""
         time, values = self.result.time, self.result[variable].sel(joint=joint).values
         marks = [
             Spans(*spans(time, values == int(member)), row, rows[row].partition("\n")[0], colour)
@@ -329,7 +339,7 @@ class Plots:
 
     @_drawn()
     def deviation(self, axis: str | None = None, *, of: str = "tool_position") -> Panel:
-        """Tool's difference from the ideal robot over time [mm, mm/s, mrad, mrad/s].
+        """The tool's difference from the ideal robot over time [mm, mm/s, mrad, mrad/s].
 
         Args:
             axis: x, y, z, total, or None for x, y and z.
@@ -390,13 +400,11 @@ class Plots:
             of: ``q`` [rad or m], ``v`` [rad/s or m/s] or ``drive`` [N m or N].
         """
         require_known("history of coordinates", of, _HISTORIES)
-        coordinates = (
-            self.result[variable].values for variable in ("coordinate", "coordinate_unit")
-        )
-        unit = {str(name): str(of) for name, of in zip(*coordinates, strict=True)}
-        if names is None:
-            plain = [name for name in unit if "." not in name] or list(unit)
-            names = [name for name in plain if unit[name] == "rad"] or plain
+        names_, units_ = (self.result[v].values for v in ("coordinate", "coordinate_unit"))
+        unit = {str(name): str(of) for name, of in zip(names_, units_, strict=True)}
+        if names is None:  # coordinates of a joint with clearance have a dot in their names
+            ideal = [name for name in unit if "." not in name] or list(unit)
+            names = [name for name in ideal if unit[name] == "rad"] or ideal
         names = [names] if isinstance(names, str) else list(names)
         for name in names:
             require_known("coordinate", name, unit)
@@ -416,8 +424,8 @@ class Plots:
     def forces(self, axis: str | None = None, joint: str | None = None) -> Panel:
         """Force on the journal over time, world axes [N] (Figures 13-15).
 
-        With clearance the contact force, each record showing it at the instant since the last
-        record at which its magnitude was largest; for an ideal run the constraint force.
+        With clearance it is the contact force: each record holds it at the instant since the last
+        record at which its magnitude was largest. In an ideal run it is the constraint force.
 
         Args:
             axis: x, y, z, total, or None for x, y and z.
@@ -447,7 +455,7 @@ class Plots:
         return Panel(TIME, Axis("energy", "J"), marks, columns=3)
 
     def _joint(self, plot: str, joint: str | None) -> str:
-        """A joint with clearance, by default the first."""
+        """The joint with clearance of this name, by default the first; `plot` is for messages."""
         joints = self.result.joints
         if not joints:
             raise JointplayError(
@@ -462,7 +470,7 @@ class Plots:
     def _components(
         self, vectors: np.ndarray, axis: str | None, shown: Axis, time: np.ndarray | None = None
     ) -> Panel:
-        """One component of vectors (n, 3) over time, or all three in the colours of the axes."""
+        """One component of vectors (n, 3), or their norm, over time; for None, all components."""
         time = self.result.time if time is None else time
         marks = []
         for name, look in _axes_of(axis).items():
@@ -485,14 +493,17 @@ class Plots:
 
 
 def spans(time: np.ndarray, holds: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """When each stretch begins and ends in which records hold something, (n,) of `time`."""
+    """Begin and end of each stretch of records in which `holds` is true, of the times (n,).
+
+    A stretch ends at the first record after it.
+    """
     edges = np.diff(np.concatenate([[False], holds, [False]]).astype(int))
     following = np.append(time, time[-1])
     return time[np.flatnonzero(edges == 1)], following[np.flatnonzero(edges == -1)]
 
 
 def _axes_of(axis: str | None) -> dict[str, dict[str, Any]]:
-    """Components that are drawn: the colour of each, and its name among several."""
+    """By component to draw, its colour, and its name if there are several."""
     if axis is not None and axis not in AXIS_COLOURS:
         raise MissingName("axis", axis, AXIS_COLOURS)
     names = AXES if axis is None else (axis,)

@@ -1,4 +1,4 @@
-"""Charts of what reviewers ask: convergence, contact laws, the spread of perturbed starts."""
+"""Charts for a paper's reviewers: convergence, contact laws, the spread of perturbed starts."""
 
 from __future__ import annotations
 
@@ -15,22 +15,22 @@ from jointplay.study import reviews
 from jointplay.study.reviews import BAND, Convergence, LawComparison, Spread
 
 _WIDTH = 6.0
-"""Inches on screen: one column, 88 mm, on paper."""
+"""Width of a figure on screen [inches]; on paper it fills a column of 88 mm."""
 
 
 def review(
     kind: str, simulation: Simulation, asked: Any, **how: Any
 ) -> tuple[Convergence | LawComparison | Spread, StyledFigure]:
-    """What reviewers ask of a run, and its figure for print.
+    """One of the studies that reviewers ask for, and its figure for print.
 
     Args:
         kind: ``converge``, ``laws`` or ``ensemble``.
         simulation: the run.
         asked: names of the laws, or number of perturbed starts.
-        how: jobs and progress, as functions of `study.reviews` have them.
+        how: jobs and progress, as for the functions of `study.reviews`.
 
     Raises:
-        JointplayError: see there.
+        JointplayError: as those functions do.
     """
     if kind == "converge":
         steps = reviews.convergence(simulation, **how)
@@ -43,7 +43,8 @@ def review(
 
 
 def convergence(of: Convergence) -> Chart:
-    """Relative distance of each figure from the finest run over the step, and the stated error."""
+    """Relative distance of each figure from the finest run, over step or tolerance, with the error
+    that the chosen run states."""
     names = [name for name in of.values if np.nanmax(of.distance(name), initial=0.0) > 0.0]
     marks: list[Mark] = []
     for name, colour in zip(names, many(len(names)), strict=True):
@@ -53,19 +54,8 @@ def convergence(of: Convergence) -> Chart:
         marks.append(Curve(sizes[seen], distance[seen], name, colour, marker="o", size=4.0))
         stated = of.stated.get(name, np.nan) / abs(of.truth[name])
         if np.isfinite(stated) and stated > 0.0:
-            marks.append(
-                Curve(
-                    [of.chosen],
-                    [stated],
-                    "",
-                    colour,
-                    "",
-                    marker="_",
-                    size=12.0,
-                    hollow=True,
-                    order=3.0,
-                )
-            )
+            dash: dict[str, Any] = {"marker": "_", "size": 12.0, "hollow": True, "order": 3.0}
+            marks.append(Curve([of.chosen], [stated], "", colour, "", **dash))
     unit = "s" if of.of == "step" else ""
     ends = np.log10([min(of.sizes), max(of.sizes)])  # whole decades, whose labels have room
     low, high = 10.0 ** np.floor(ends[0]), 10.0 ** np.ceil(ends[1])
@@ -78,7 +68,7 @@ def convergence(of: Convergence) -> Chart:
 
 
 def laws(of: LawComparison) -> Chart:
-    """The force of a joint over time by law, and below the largest of each."""
+    """The force of a joint over time, by contact law."""
     tones = many(len(of.curves))
     marks: list[Mark] = [
         Curve(*curve, law, colour, width=0.8)
@@ -89,7 +79,7 @@ def laws(of: LawComparison) -> Chart:
 
 
 def spread(of: Spread) -> Chart:
-    """Each curve's band over the perturbed starts, and their mean."""
+    """For each quantity over time, the band of the perturbed starts and their mean."""
     rows: list[list[Panel | None]] = []
     for k, (name, curves) in enumerate(of.curves.items()):
         low, high = np.percentile(curves, BAND, axis=0)

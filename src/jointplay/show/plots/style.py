@@ -1,4 +1,4 @@
-"""One look and one palette for every figure, and the panels they are drawn into."""
+"""The style of all figures: settings of matplotlib, typefaces, sizes, logarithmic axes."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from jointplay.base import files
 from jointplay.base.errors import require_known
 
 _SMALL_PRINT, _LETTERS_AN_INCH = 6.5, 20
-"""Size of footnotes [pt], and how many of their letters stand side by side."""
+"""Size of footnotes [pt], and their letters an inch."""
 
 _SCREEN = {
     "font.size": 9,
@@ -38,7 +38,7 @@ _SCREEN = {
     "savefig.dpi": 160,
     "pdf.fonttype": 42,
     "figure.constrained_layout.use": True,
-    "axes.formatter.offset_threshold": 5,  # of digits alike, so many stand beside the axis
+    "axes.formatter.offset_threshold": 5,  # ticks that share so many digits show them once, aside
     "text.parse_math": False,  # names of joints and cases stand as they are, $ and all
 }
 
@@ -46,7 +46,7 @@ STYLES: dict[str, dict[str, Any]] = {
     "screen": _SCREEN,
     "paper": _SCREEN
     | {
-        # By name: matplotlib takes one typeface of a family, for all letters.
+        # By name: of a generic family matplotlib takes one typeface for all letters, no fallbacks.
         "font.family": ["STIXGeneral", "DejaVu Serif"],
         "mathtext.fontset": "stix",
         "font.size": 8,
@@ -58,14 +58,14 @@ STYLES: dict[str, dict[str, Any]] = {
         "savefig.dpi": 600,
     },
 }
-"""``screen``, and ``paper``: serif type, 88 mm wide, embedded TrueType fonts."""
+"""matplotlib's settings for ``screen``, and for ``paper``: serif type, 88 mm wide."""
 
 FALLBACKS = (
     *("Noto Sans CJK SC", "Noto Sans CJK JP", "Noto Sans CJK KR", "Source Han Sans"),
     *("PingFang SC", "Hiragino Sans", "Apple SD Gothic Neo", "WenQuanYi Micro Hei"),
     *("Noto Sans Arabic", "Noto Sans Devanagari", "Arial Unicode MS"),
 )
-"""Typefaces that have letters which matplotlib's own has not: those that are installed are used."""
+"""Typefaces for letters that matplotlib's own lacks; those that are installed are used."""
 
 SIZES = {"screen": 1.0, "paper": 0.58}
 """Width of a figure relative to its width on screen: 6 inches become 88 mm."""
@@ -73,7 +73,7 @@ SIZES = {"screen": 1.0, "paper": 0.58}
 
 @contextmanager
 def style(name: str = "screen") -> Iterator[None]:
-    """Use this package's look, leaving the user's own settings alone."""
+    """Use this package's style within the block, and leave the user's own settings alone."""
     require_known("style", name, STYLES)
     chosen = STYLES[name]
     families = chosen.get("font.family", ["sans-serif"])
@@ -84,13 +84,13 @@ def style(name: str = "screen") -> Iterator[None]:
 
 @cache
 def _fallbacks() -> tuple[str, ...]:
-    """Those of `FALLBACKS` that are installed; matplotlib warns of others."""
+    """The installed ones of `FALLBACKS`: matplotlib warns of those that are not."""
     installed = set(font_manager.get_font_names())
     return tuple(name for name in FALLBACKS if name in installed)
 
 
 class StyledFigure(Figure):
-    """A figure that keeps its style whenever it is drawn, and shows itself once in a notebook.
+    """A figure that keeps its style whenever it is drawn, and displays itself in a notebook.
 
     matplotlib takes some settings (fonts of tick labels, font embedding, resolution) when a figure
     is drawn, not when it is made.
@@ -125,9 +125,9 @@ class StyledFigure(Figure):
 
     @contextmanager
     def _laid_out(self, options: dict[str, Any]) -> Iterator[None]:
-        """All put in its place once, for the time of the block.
+        """Lay the figure out once, and keep that layout within the block.
 
-        matplotlib itself draws a figure twice to lay it out.
+        matplotlib would lay out by drawing the figure twice.
         """
         engine = self.get_layout_engine()
         if engine is not None and "bbox_inches" not in options:
@@ -147,16 +147,16 @@ class StyledFigure(Figure):
         return buffer.getvalue()
 
 
-_NEAR = 2.5  # ends of an axis relative to each other, between which all digits have numbers
+_NEAR = 2.5  # ratio of an axis's ends up to which all of its digits get numbers
 
 
 class Decades(LogFormatterSciNotation):
-    """Labels of a logarithmic axis as plain text, 10⁻³: text here is not parsed for formulas."""
+    """Tick labels of a logarithmic axis in plain text, 10⁻³: figures here parse no formulas."""
 
     def __call__(self, x: float, pos: int | None = None) -> str:
         axis: Any = self.axis
         low, high = axis.get_view_interval()
-        if high > _NEAR * low and f"{x:.0e}"[0] not in "125":  # 3 and 4 would touch
+        if high > _NEAR * low and f"{x:.0e}"[0] not in "125":  # labels of 3 and 4 would touch
             return ""
         formula = super().__call__(x, pos)
         raised = re.sub(r"\^\{(.*?)\}", lambda power: power[1].translate(_RAISED), formula)
@@ -167,7 +167,7 @@ _RAISED = str.maketrans("-−0123456789", "⁻⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def logarithmic(panel: Axes, axes: str) -> None:
-    """Make axes logarithmic, ``x``, ``y`` or ``xy``."""
+    """Make the axes ``x``, ``y`` or ``xy`` of a panel logarithmic."""
     for name in axes:
         getattr(panel, f"set_{name}scale")("log")
         axis = getattr(panel, f"{name}axis")
@@ -176,7 +176,7 @@ def logarithmic(panel: Axes, axes: str) -> None:
 
 
 def literal(panel: Axes) -> None:
-    """Let the texts of axes, also of the user's own, stand as they are, $ and all."""
+    """Show the texts of axes literally, $ and all; the axes may be the user's own."""
     texts = [panel.title, panel.xaxis.label, panel.yaxis.label, *panel.texts]
     legend = panel.get_legend()
     for text in texts + ([] if legend is None else legend.get_texts()):
@@ -184,23 +184,19 @@ def literal(panel: Axes) -> None:
 
 
 def listed(name: str) -> str:
-    """A user's name as a legend lists it: matplotlib leaves out those that begin with _."""
+    """A user's name for a legend: matplotlib would leave out one that begins with _."""
     return f" {name}" if name.startswith("_") else name
 
 
-def new_figure(
-    width: float, height: float, look: str = "screen", whole: bool = False
-) -> StyledFigure:
-    """An empty figure, its size [inches] being that on screen; call it within `style`.
-
-    It is made smaller for a journal's column, unless it is to stay `whole`.
-    """
-    factor = 1.0 if whole else SIZES[look]
+def new_figure(width: float, height: float, look: str = "screen") -> StyledFigure:
+    """An empty figure of a size on screen [inches], on paper scaled by `SIZES` to a journal's
+    column; call it within `style`."""
+    factor = SIZES[look]
     return StyledFigure(figsize=(width * factor, height * factor), look=look)
 
 
 def footnote(figure: Figure, text: str) -> None:
-    """Put small print below a figure, in as many lines as its width needs."""
+    """Put small print below a figure, wrapped to its width."""
     across = int(_LETTERS_AN_INCH * figure.get_figwidth())
     lines = [textwrap.fill(line, across) for line in text.splitlines()]
     figure.supxlabel("\n".join(lines), fontsize=_SMALL_PRINT, x=0.01, ha="left")

@@ -10,19 +10,12 @@ import xarray as xr
 
 from jointplay.base.errors import JointplayError, MissingName
 from jointplay.show.plots.chart import Axis, Chart, Curve, Map, Panel, Rule
-from jointplay.show.plots.draw import draw as drawn
 from jointplay.show.plots.palette import COLOURS
-from jointplay.show.plots.style import StyledFigure
 from jointplay.simulation.analysis.uncertainty import convergence, enough, interval_estimate
 from jointplay.study.sweep_plan import SAMPLE
 from jointplay.study.sweep_table import coordinate_text, label, measured, samples_of, scale, select
 
-MOST_LINES = 12
-
-
-def draw(*args: Any, look: str = "screen", **options: Any) -> StyledFigure:
-    """The figure of `chart`, in a style of `style.STYLES`."""
-    return drawn(chart(*args, **options), look)
+MOST_LINES = 12  # most lines of a chart (judged)
 
 
 def chart(
@@ -33,18 +26,18 @@ def chart(
     z: str | None = None,
     only: Mapping[str, str] | None = None,
 ) -> Chart:
-    """A measure over a dimension of a sweep, or over two.
+    """A measure of a sweep over one dimension, or as a heat map over two.
 
     Lines are means over all other dimensions, with the 95 % confidence band of the mean. Over a
-    sampled quantity it is points.
+    sampled quantity, each run is a point.
 
     Args:
-        dataset: of a sweep.
+        dataset: the sweep's data.
         x: dimension, or sampled quantity.
-        y: the measure; with `z` a dimension.
-        hue: dimension with a line each.
+        y: the measure; for a heat map a dimension.
+        hue: dimension with a line for each of its values.
         z: the measure of a heat map.
-        only: values of dimensions, of which the nearest cases are taken.
+        only: values of dimensions; the nearest cases are taken.
 
     Raises:
         JointplayError: no such dimension, measure or value; nothing to draw.
@@ -69,22 +62,23 @@ def chart(
             f"hue {hue} has {len(groups)} values; at most {MOST_LINES} can be drawn"
         )
     marks = []
+    # Values in a geometric series get a logarithmic axis.
     ratios = np.empty(0)
     if x in dims and _is_number(dataset, x) and (dataset[x].values > 0.0).all():
         ratios = dataset[x].values[1:] / dataset[x].values[:-1]
-    equal = len(ratios) >= 3 and np.ptp(ratios) < 1e-6 * ratios.mean() and ratios[0] > 1.05
-    across = Axis(label(dataset, x), log=bool(equal))
+    geometric = len(ratios) >= 3 and np.ptp(ratios) < 1e-6 * ratios.mean() and ratios[0] > 1.05
+    across = Axis(label(dataset, x), log=bool(geometric))
     for number, k in enumerate(groups):
         part = values if k is None else values.isel({hue: k})
         if not np.isfinite(part.values).any():  # none of its cases ran to its end
             continue
         text = "" if k is None or hue is None else coordinate_text(dataset, hue, k)
-        again = number >= len(COLOURS)
-        named: dict[str, Any] = {"name": text, "colour": COLOURS[number % len(COLOURS)]}
+        look: dict[str, Any] = {"name": text, "colour": COLOURS[number % len(COLOURS)]}
         if x in sampled:
-            marks.append(_points(dataset, part, x, y, named))
+            marks.append(_points(dataset, part, x, y, look))
             continue
-        marks.append(_line(dataset, part, x, y, {**named, "line": "--" if again else "-"}))
+        look["line"] = "-" if number < len(COLOURS) else "--"
+        marks.append(_line(dataset, part, x, y, look))
     if x in dims and not _is_number(dataset, x):
         across = Axis(label(dataset, x), rows=_texts(dataset, x))
     title = label(dataset, hue) if hue is not None else ""
@@ -102,6 +96,7 @@ def _texts(dataset: xr.Dataset, name: str) -> list[str]:
 
 
 def _line(dataset: xr.Dataset, part: xr.DataArray, x: str, y: str, look: dict[str, Any]) -> Curve:
+    """Means of the measure `y` at each value of the dimension `x`, with their confidence band."""
     table = part.transpose(x, ...).values.reshape(part.sizes[x], -1)
     estimates = [interval_estimate(row) for row in table]
     at: np.ndarray = np.arange(len(estimates))
@@ -113,7 +108,7 @@ def _line(dataset: xr.Dataset, part: xr.DataArray, x: str, y: str, look: dict[st
 
 
 def _band(at: np.ndarray, estimates: Sequence[Any], factor: float, look: dict[str, Any]) -> Curve:
-    """Values as a line, and their confidence intervals, where they are known, as a band."""
+    """Estimates as a line, with their confidence intervals as a band where these are known."""
     middle, low, high = (
         factor
         * np.array([(estimate.value, estimate.low, estimate.high) for estimate in estimates]).T
@@ -122,6 +117,7 @@ def _band(at: np.ndarray, estimates: Sequence[Any], factor: float, look: dict[st
 
 
 def _points(dataset: xr.Dataset, part: xr.DataArray, x: str, y: str, look: dict[str, Any]) -> Curve:
+    """The measure `y` of each run over its sampled quantity `x`."""
     table = scale(dataset, y)[0] * part.transpose(SAMPLE, ...).values
     table = table.reshape(part.sizes[SAMPLE], -1)
     at = np.repeat(dataset[x].values[:, None], table.shape[1], axis=1) * scale(dataset, x)[0]
@@ -144,15 +140,9 @@ def _heat_map(dataset: xr.Dataset, x: str, y: str, z: str) -> Chart:
     return Chart([[panel]], (6.0, 4.4))
 
 
-def draw_convergence(
-    dataset: xr.Dataset, measure: str, precision: float = 0.05, look: str = "screen"
-) -> StyledFigure:
-    """The figure of `convergence_chart`."""
-    return drawn(convergence_chart(dataset, measure, precision), look)
-
-
-def convergence_chart(dataset: xr.Dataset, measure: str, precision: float = 0.05) -> Chart:
-    """Mean and 95 % quantile of a measure after the first runs, up to all; when it is enough."""
+def convergence_chart(dataset: xr.Dataset, measure: str, precision: float) -> Chart:
+    """Mean and 95 % quantile of a measure over the number of runs, and how many runs suffice for a
+    relative `precision`."""
     values = samples_of(dataset, measure)
     marks: list[Curve | Rule] = []
     for colour, (name, probability, text) in zip(

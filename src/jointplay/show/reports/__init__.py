@@ -1,4 +1,4 @@
-"""Reports: a page in HTML that needs no network, and a PDF; of runs, and of a sweep."""
+"""Reports on runs or on a sweep: an HTML page that needs no network, and a PDF."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from jointplay.base.errors import JointplayError, require_a
+from jointplay.base.errors import JointplayError, require_a, require_whole
 from jointplay.base.files import check_new
 from jointplay.base.files import write as write_file
 from jointplay.base.processes import in_parallel
@@ -20,7 +20,7 @@ from jointplay.show.plots.names import robot_of, title_of
 from jointplay.show.reports import runs, sweep
 from jointplay.show.reports.cases import Runs, Say, build, follow_impacts
 from jointplay.show.reports.charts import Times
-from jointplay.show.reports.html import Html, joined, markup
+from jointplay.show.reports.html import Html
 from jointplay.show.reports.parts import Block
 from jointplay.show.reports.pdf import pdf as draw_pdf
 from jointplay.show.reports.template import page
@@ -29,7 +29,7 @@ from jointplay.simulation.result.stored import versions
 from jointplay.study import open_sweep
 from jointplay.study.outcome import NOT_RUN
 
-IMPACTS = 5  # impacts of each case that are followed step by step, unless told otherwise
+IMPACTS = 5  # impacts of each case that are followed step by step by default (judged)
 
 
 @known_keywords
@@ -47,11 +47,11 @@ def report(
     Args:
         results: by label, in the order of the tables.
         path: the page, ending in .html; the PDF gets the same name with .pdf.
-        title: of the page; None takes that of the scenario, or names the robot.
+        title: the page's title; None takes the scenario's, or names the robot.
         impacts: how many of the largest impacts of each case to follow step by step, which repeats
             its run; 0 repeats none.
         pdf: write the PDF too.
-        say: told what is being done.
+        say: called with a line on each step of the work.
 
     Returns:
         The files written.
@@ -63,8 +63,7 @@ def report(
     require_a("results", results, "Mapping")
     if not results:
         raise JointplayError("a report needs at least one result")
-    if impacts < 0:
-        raise JointplayError(f"impacts must be a whole number >= 0, got {impacts}")
+    require_whole("impacts", impacts)
     for label, result in results.items():
         if len(result.time) < 2:
             raise JointplayError(
@@ -79,10 +78,8 @@ def report(
         for case, records in zip(cases, subject.detailed.values(), strict=True)
     ]
     robots = ", ".join(dict.fromkeys(robot_of(case.result) for case in cases))
-    swatches = (markup("{}", case) for case in cases)
     title = title or title_of(results)
-    robot = [markup("{}", robots)] if robots != title else []
-    names = joined([*robot, *swatches], Html(" &ensp; "))
+    names = Html(" &ensp; ").join([*([robots] if robots != title else []), *cases])
     end = max(case.duration for case in cases)
     show = partial(page, subject=names, versions=versions(), times=times, end=end)
     return _write(targets, title, runs.BLOCKS, subject, show, subject.start, say)
@@ -96,7 +93,7 @@ def sweep_report(
     pdf: bool = True,
     say: Say = lambda _: None,
 ) -> list[Path]:
-    """Write a report on a sweep; returns the files written. Existing ones are refused."""
+    """Write a report on a sweep and return the files written; existing files are refused."""
     store = Path(store)
     dataset = open_sweep(store).dataset()
     if not (dataset["status"].values != NOT_RUN).any():
@@ -125,10 +122,11 @@ def _write(
     start: float,
     say: Say,
 ) -> list[Path]:
-    """Write the page of blocks, and their PDF if it is among the targets."""
+    """Write the page of the blocks that have parts, and their PDF if it is among the targets."""
     say("writing the page")
     parts = [(block, [*block.parts(subject)]) for block in blocks]
     shown = [(block, content) for block, content in parts if content]
+    # Another process draws the PDF meanwhile.
     with (
         in_parallel(partial(draw_pdf, title, shown, start))
         if len(targets) > 1

@@ -1,4 +1,4 @@
-"""What every reader of a report must know, from `assumptions.toml`, and in which runs it holds."""
+"""The modelling assumptions of a report, from `assumptions.toml`, and the runs they hold for."""
 
 from __future__ import annotations
 
@@ -16,18 +16,17 @@ from jointplay.simulation import analysis
 
 @cache
 def all_assumptions() -> tuple[tuple[str, str], ...]:
-    """In which runs each is made, a key of `conditions`, and its text; in the reports' order."""
+    """Each assumption's condition (a key of `conditions`) and sentence, in the reports' order."""
     text = (files("jointplay.show.reports") / "assumptions.toml").read_text(encoding="utf-8")
-    return tuple(
-        (when, sentence) for when, texts in tomllib.loads(text).items() for sentence in texts
-    )
+    by_condition = tomllib.loads(text).items()
+    return tuple((when, sentence) for when, sentences in by_condition for sentence in sentences)
 
 
 def conditions(cases: Sequence[Case]) -> dict[str, bool]:
-    """Whether each thing that assumptions are about occurs in these runs."""
+    """By condition, whether any of these runs meets it."""
     runs = [analysis.inputs(case.result) for case in cases]
     machines = [run["mechanism"] for run in runs]
-    loose = [run for case, run in zip(cases, runs, strict=True) if case.joints]
+    loose = [run for case, run in zip(cases, runs, strict=True) if case.result.joints]
     joints = [joint for case in cases for joint in analysis.clearance_inputs(case.result).values()]
     gears = [gear for machine in machines for gear in (machine.get("gears") or {}).values()]
     kinds = {joint["kind"] for joint in joints}

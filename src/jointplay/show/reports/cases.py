@@ -1,4 +1,4 @@
-"""What a report is about: results, their ideal references, their impacts step by step."""
+"""The runs that a report compares: results, their ideal references, impacts step by step."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ import xarray as xr
 from jointplay.base.errors import JointplayError
 from jointplay.base.tables import counted
 from jointplay.show.plots import figures
-from jointplay.show.reports.html import Html, joined, markup, text
+from jointplay.show.reports.html import Html, markup
 from jointplay.show.reports.parts import Grid, Row
 from jointplay.simulation import analysis
 from jointplay.simulation.analysis import replay as replays
@@ -28,34 +28,36 @@ Say = Callable[[str], None]
 
 @dataclass(eq=False)
 class Case:
-    """One result of a report."""
+    """A run of a report, and what is evaluated of it."""
 
     label: str
     result: Result
     colour: str
-    alone: bool = False  # whether it is the only one, so that nothing needs its name
+    alone: bool = False  # whether it is the only case, so that nothing needs its label
     error: xr.DataArray | None = None
-    """The tool's deviation from the ideal one (time, axis) [m]; None for an ideal run."""
-    turn: xr.DataArray | None = None  # the same of its orientation [rad]
+    """Tool position less the ideal mechanism's (time, axis) [m]; None for an ideal run."""
+    turn: xr.DataArray | None = None
+    """Rotation vector from the ideal tool to the tool (time, axis) [rad]; None likewise."""
     replay: replays.Replay | None = None
     impacts: list[replays.Impact] = field(default_factory=list)
-    """The largest ones, step by step, one for each window of the replay."""
+    """The largest impacts step by step, one for each window of the replay."""
     notes: list[str] = field(default_factory=list)
-    """What the reader must know of how this case was evaluated."""
+    """Sentences on how this case was evaluated, for the report's assumptions."""
 
     def __html__(self) -> str:
-        """Its name with a swatch of its colour."""
+        """The label beside a swatch of the case's colour."""
         pattern = '<span class="case" style="--c:{}">{}</span>'
         return "" if self.alone else markup(pattern, self.colour, self.label)
 
     @property
     def prefix(self) -> Html:
-        """What stands before a sentence on it."""
+        """The label and a colon, to begin a sentence on this case; nothing if it is alone."""
         return Html("") if self.alone else markup("{}: ", self)
 
     @cached_property
-    def sent(self) -> ToolError | None:
-        """Its error if what the sentence begins with is not that against the ideal mechanism."""
+    def stated_error(self) -> ToolError | None:
+        """Tool error, if the run's first line measures it against something other than the ideal
+        mechanism: where the drives were sent, or without elasticity that a rule assumed."""
         if self.error is not None:
             with suppress(JointplayError):  # a law of the user's own that may not be imported
                 error = self.result.tool_error
@@ -63,34 +65,29 @@ class Case:
         return None
 
     @property
-    def joints(self) -> list[str]:
-        return self.result.joints
-
-    @property
     def duration(self) -> float:
         """Time of the last record [s]."""
         return float(self.result.time[-1])
 
     def detailed(self) -> Result:
-        """The records, and instead of them every step where the run was replayed.
+        """The records, in the windows of the replay replaced by every step.
 
-        There held peaks and smallest gaps are those of the single step.
+        There, peaks and smallest gaps, which records hold over their interval, are the step's own.
         """
         if self.replay is None or not self.replay.windows:
             return self.result
-        coarse = np.ones(len(self.result.time), bool)
+        outside = np.ones(len(self.result.time), bool)
         parts = []
         held = {"joint_force": "joint_force_peak", "normal_force": "normal_force_peak"}
         held["gap"] = "gap_min"
-        for part in self.replay.windows:
-            time = part["time"].values
-            coarse &= (self.result.time < time[0]) | (self.result.time > time[-1])
-            parts.append(part.assign({peak: part[name] for name, peak in held.items()}))
-        parts.append(self.result.dataset.drop_vars(COMPARED, errors="ignore").isel(time=coarse))
+        for window in self.replay.windows:
+            time = window["time"].values
+            outside &= (self.result.time < time[0]) | (self.result.time > time[-1])
+            parts.append(window.assign({peak: window[name] for name, peak in held.items()}))
+        parts.append(self.result.dataset.drop_vars(COMPARED, errors="ignore").isel(time=outside))
         merged = xr.concat(parts[::-1], "time", data_vars="minimal", combine_attrs="override")
-        merged = merged.sortby("time")
-        _, first = np.unique(merged["time"].values, return_index=True)
-        merged = merged.isel(time=first)
+        _, once = np.unique(merged["time"].values, return_index=True)  # sorted; windows may overlap
+        merged = merged.isel(time=once)
         if self.error is not None:
             merged = compared(merged, Reference(self.result, "ideal_"))
         return Result(merged)
@@ -98,19 +95,19 @@ class Case:
 
 @dataclass(eq=False)
 class Runs:
-    """Cases, and from when on they are judged: what a report is about."""
+    """The cases of a report, and the time from which on they are judged."""
 
     cases: list[Case]
 
     @property
     def start(self) -> float:
-        """From when on statistics are taken [s]: not while journals fall into their bearings."""
+        """Time from which on statistics count [s], after journals settled; 0 in shorter runs."""
         latest = max(case.result.judge_from for case in self.cases)
         return latest if min(case.duration for case in self.cases) > latest else 0.0
 
     @property
     def since(self) -> str:
-        """What a caption says of the time that is judged."""
+        """The end of a caption, which says from when on figures are judged."""
         return f"; figures from {self.start:g} s on" if self.start else ""
 
     @cached_property
@@ -129,11 +126,11 @@ class Runs:
     @property
     def places(self) -> list[tuple[Case, str]]:
         """Each case and each of its joints with clearance."""
-        return [(case, joint) for case in self.cases for joint in case.joints]
+        return [(case, joint) for case in self.cases for joint in case.result.joints]
 
     def named(self, cases: Collection[Case]) -> Html:
-        """The names of some cases; of all of them none."""
-        return Html("") if len(cases) == len(self.cases) else joined(map(text, cases), ", ")
+        """The labels of some cases; nothing if these are all of them."""
+        return Html("") if len(cases) == len(self.cases) else Html(", ").join(cases)
 
     def by_case(self, quantities: Callable[[Case], Row], head: str = "", **fields: Any) -> Grid:
         """A table with a column for each case."""
@@ -141,13 +138,11 @@ class Runs:
 
 
 def build(results: Mapping[str, Result], say: Say) -> list[Case]:
-    """Find or simulate the ideal references."""
+    """Make the cases, with tool errors against ideal runs among the results or simulated ones."""
     alone = len(results) == 1
     cases = [Case(*case, alone) for case in figures.coloured(results)]
     ideals = [case for case in cases if not analysis.has_play(case.result)]
-    for case in cases:
-        if case in ideals:
-            continue
+    for case in (case for case in cases if case not in ideals):
         try:
             if "tool_error" not in case.result.dataset:
                 _measure(case, ideals, say)
@@ -172,7 +167,7 @@ def build(results: Mapping[str, Result], say: Say) -> list[Case]:
 
 
 def _measure(case: Case, ideals: Iterable[Case], say: Say) -> None:
-    """Give a result the error of its tool, by an ideal run among the cases or a simulated one."""
+    """Add the tool error to a case's result, against one of the ideal cases or a simulated twin."""
     for ideal in ideals:
         if len(ideal.result.time) > 1 and analysis.is_twin(case.result, ideal.result):
             case.result = analysis.measured_against(case.result, ideal.result)
@@ -187,9 +182,9 @@ def _measure(case: Case, ideals: Iterable[Case], say: Say) -> None:
 
 
 def follow_impacts(cases: Iterable[Case], number: int, say: Say) -> None:
-    """Repeat the runs, and keep the largest impacts of each step by step."""
+    """Repeat each run and record its largest impacts (`number` of them) at every step."""
     for case in cases if number else ():
-        chosen = replays.largest_impacts(case.result, number) if case.joints else []
+        chosen = replays.largest_impacts(case.result, number) if case.result.joints else []
         if not chosen:
             continue
         step = case.result.audit.step

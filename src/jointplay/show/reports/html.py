@@ -1,13 +1,13 @@
 """Text of a page: markup that escapes its values, numbers with three digits.
 
-Names come from files of others. `Html` is text that is HTML already; the only ways to it are
-`markup`, `joined` and the template, which escape everything else.
+Labels and names come from files of unknown origin, so nothing is put into a page unescaped. `Html`
+is text that is HTML already; `markup`, `Html.join` and the template escape everything else.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from typing import TypeGuard
 
 from markupsafe import Markup as Html
 from markupsafe import escape
@@ -16,13 +16,8 @@ from jointplay.simulation.result.certificate import alone
 
 
 def markup(pattern: str, *values: object) -> Html:
-    """`pattern`, which is HTML, with `values` as of `text` in the place of each ``{}``."""
+    """The HTML `pattern` with each ``{}`` replaced by a value, formatted and escaped by `text`."""
     return Html(pattern).format(*map(text, values))
-
-
-def joined(texts: Iterable[str], between: str = "") -> Html:
-    """Texts one after another; what is not `Html` is escaped."""
-    return Html(between).join(texts)
 
 
 def paragraph(content: str) -> Html:
@@ -31,10 +26,15 @@ def paragraph(content: str) -> Html:
 
 
 def text(value: object) -> Html:
-    """A cell's HTML: text escaped, numbers as sentences have them, nothing as a dash."""
+    """A value as HTML: text escaped, numbers rounded as in sentences, a missing value as a dash."""
     if value is None or (isinstance(value, float) and math.isnan(value)):
         return Html("&ndash;")
-    if isinstance(value, int | float) and not isinstance(value, bool):
+    if is_number(value):
         shown = str(value) if isinstance(value, int) else alone(value)
         return escape(shown.replace("-", "\N{MINUS SIGN}"))
     return escape(value)
+
+
+def is_number(value: object) -> TypeGuard[int | float]:
+    """Whether a value is a number, which a bool is not."""
+    return isinstance(value, int | float) and not isinstance(value, bool)

@@ -1,4 +1,4 @@
-"""The block with every input of the runs, and motions, laws and robots in full."""
+"""The report's block of parameters: every input of the runs, with motions, laws, robots in full."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from jointplay.simulation import analysis
 from jointplay.simulation.motion.reference import Motion
 from jointplay.simulation.run import Run
 
-_MOST_WAYPOINTS = 500  # that are shown (judged)
+_MOST_WAYPOINTS = 500  # rows of the table of waypoints (judged)
 
 
 def parameters(runs: Runs) -> Iterator[Part]:
@@ -27,17 +27,18 @@ def parameters(runs: Runs) -> Iterator[Part]:
     yield runs.by_case(_inputs, head="input", name="inputs", left=1 + len(runs.cases))
     if given := value_rows(runs, assumed=False):
         yield Fold("What is not assumed, and where it comes from", [Grid.of_rows(given)])
-    texts: dict[tuple[str, str], dict[str, None]] = {}  # by summary and text: where
+    # By summary and source, the cases and joints that use it, each once (a dict keeps the order).
+    sources: dict[tuple[str, str], dict[str, None]] = {}
     for case in runs.cases:
         inputs = analysis.inputs(case.result)
         for joint, fields in analysis.clearance_inputs(case.result).items():
-            for law in fields.values():  # of the user's own: shown, and never run
+            for law in fields.values():  # the source of a user's own law is shown, and never run
                 if isinstance(law, dict) and law.get("source"):
                     user = joint if case.alone else f"{case.label}, {joint}"
                     key = f"Law {law['function']}", str(law["source"])
-                    texts.setdefault(key, {})[user] = None
-        if source := inputs["mechanism"].get("urdf_text"):
-            texts.setdefault(("Robot (URDF)", source), {})[case.label] = None
+                    sources.setdefault(key, {})[user] = None
+        if urdf := inputs["mechanism"].get("urdf_text"):
+            sources.setdefault(("Robot (URDF)", urdf), {})[case.label] = None
     motions: dict[str, list[Case]] = {}
     for case in runs.cases:
         motions.setdefault(json.dumps(analysis.inputs(case.result)["motion"]), []).append(case)
@@ -45,13 +46,13 @@ def parameters(runs: Runs) -> Iterator[Part]:
         if motion != "null":
             whose = f" of {', '.join(case.label for case in cases)}" if len(motions) > 1 else ""
             yield Fold(f"Waypoints{whose}", [_waypoints(motion, cases[0])])
-    for (name, text), where in texts.items():
-        of = "" if set(where) >= set(runs.recorded) else f" ({'; '.join(where)})"
-        yield Fold(f"{name}{of}", [markup("<pre>{}</pre>", text)])
+    for (name, source), users in sources.items():
+        of = "" if set(users) >= set(runs.recorded) else f" ({'; '.join(users)})"
+        yield Fold(f"{name}{of}", [markup("<pre>{}</pre>", source)])
 
 
 def value_rows(runs: Runs, assumed: bool) -> list[Row]:
-    """Values that were assumed, or that were not, with their origin and the cases they are of."""
+    """A row for each value that was assumed (or given): its origin and the cases that use it."""
     users: dict[tuple[str, ...], list[Case]] = {}
     for case in runs.cases:
         for value in case.result.values:
@@ -65,10 +66,11 @@ def value_rows(runs: Runs, assumed: bool) -> list[Row]:
     return rows
 
 
-def _waypoints(text: str, case: Case) -> Grid:
-    motion = Motion.from_description(json.loads(text))
+def _waypoints(description: str, case: Case) -> Grid:
+    motion = Motion.from_description(json.loads(description))
     rows = np.column_stack(motion.waypoints).tolist()[:_MOST_WAYPOINTS]
-    robot = analysis.inputs(case.result)["mechanism"]  # its own laws may be such as nobody imports
+    # Units come from the URDF's text: a mechanism with a user's own laws may not be buildable here.
+    robot = analysis.inputs(case.result)["mechanism"]
     joints = parse(robot["urdf_text"], Path(robot["urdf"]), robot["allow_unphysical"]).joints
     names = [f"{n} [{joints[n].unit if n in joints else 'rad or m'}]" for n in motion.joints]
     return Grid.of_table(Table.of([(head, "") for head in ("time [s]", *names)], rows), 0)
@@ -79,5 +81,5 @@ def _inputs(case: Case) -> Row:
     made_with = {"made with": ", ".join(f"{name} {version}" for name, version in versions.items())}
     try:
         return facts(Run(case.result.simulation)) | made_with
-    except JointplayError as error:  # such as a law of the user's own that may not be imported
+    except JointplayError as error:  # for example a user's own law, which may not be imported
         return {"not shown": str(error)} | made_with

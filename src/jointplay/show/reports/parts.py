@@ -1,7 +1,7 @@
-"""What reports are made of: blocks, and the parts in them; `page` and `pdf` show each kind of part.
+"""The parts of reports: titled blocks of lists, tables, charts; `page` and `pdf` show each kind.
 
-A block is a function that yields its parts, with its title in `block` above it, and a docstring
-whose first line says to readers what is inside. That is all of it: pages and PDFs follow.
+A block is a function that yields parts, decorated with `block` and its title. Readers see the first
+line of its docstring as a summary while the block is folded.
 """
 
 from __future__ import annotations
@@ -13,17 +13,18 @@ from typing import Any
 
 from jointplay.base.tables import Column, Table, counted
 from jointplay.show.plots.chart import Chart, Panel
-from jointplay.show.reports.html import Html, text
+from jointplay.show.reports.html import Html, is_number, text
 
-SHOWN = 3  # rows of long tables, and points of long lists, that are not folded (judged)
+SHOWN = 3  # rows of a long table, or points of a long list, that stand unfolded (judged)
 
 Row = Mapping[str, Any]
-"""By its head a value, or a value, its SI unit and, if it is as small as a clearance, True."""
+"""By column head, a value, or (value, SI unit), or (value, SI unit, True) to show lengths and the
+like in the small units of clearances."""
 
 
 @dataclass(frozen=True)
 class Points:
-    """A list."""
+    """A bullet list."""
 
     rows: Sequence[str]
 
@@ -35,15 +36,15 @@ class Grid:
     head: Sequence[object]
     rows: Sequence[Sequence[object]]
     caption: str = ""
-    name: str = ""  # by which style sheets and scripts know it
-    left: int = 1  # columns that are flush left
+    name: str = ""  # its id in the page, for style sheets and scripts
+    left: int = 1  # number of leading columns that are flush left
 
     @classmethod
     def of_rows(
         cls, rows: Sequence[Row], worst: str = "", left: int | None = None, **fields: Any
     ) -> Grid:
-        """A table of rows with the same heads; with `worst` those first whose figure of this name
-        is largest. A column without a word in it is left out."""
+        """A table of rows with the same heads, those largest under the head `worst` first; columns
+        of empty text are left out."""
         if worst:
             sizes = [-math.inf if v is None else float(v) for v in _column(worst, rows).values]
             rows = [rows[k] for k in sorted(range(len(rows)), key=lambda k: -sizes[k])]
@@ -53,9 +54,9 @@ class Grid:
 
     @classmethod
     def of_table(cls, table: Table, left: int | None = None, **fields: Any) -> Grid:
-        """`left`: None stands for the columns that come first and have no numbers."""
+        """A table in display units; by default, columns before the first numbers are flush left."""
         if left is None:
-            numbers = [any(map(_is_number, column.values)) for column in table.columns]
+            numbers = [any(map(is_number, column.values)) for column in table.columns]
             left = [*numbers, True].index(True)
         head, *rows = zip(*map(_shown, table.columns), strict=True)
         return cls(head, rows, left=left, **fields)
@@ -64,8 +65,8 @@ class Grid:
     def of_cases(
         cls, head: str, cases: Sequence[object], figures: Sequence[Row], **fields: Any
     ) -> Grid:
-        """A table with a column for each case and a row for each figure that any of them has."""
-        longest = sorted(figures, key=len, reverse=True)  # gives the order
+        """A table with a column for each case and a row for each figure that any case has."""
+        longest = sorted(figures, key=len, reverse=True)  # the fullest case gives the rows' order
         columns = (_column(name, figures) for name in dict.fromkeys(n for r in longest for n in r))
         rows = [_shown(column) for column in columns if any(v is not None for v in column.values)]
         return cls([head, *cases], rows, **fields)
@@ -73,12 +74,12 @@ class Grid:
 
 @dataclass(frozen=True)
 class Graph:
-    """A chart of panels: those over time or frequency below each other, others side by side."""
+    """A chart that zooms: panels over time or frequency are stacked, others stand side by side."""
 
     name: str
     title: str
     panels: Sequence[Panel]
-    same: bool = False  # whether their y axes are the same
+    same: bool = False  # whether the panels share their y axis
 
     @property
     def timed(self) -> bool:
@@ -91,7 +92,7 @@ class Graph:
 
 @dataclass(frozen=True)
 class Drawing:
-    """A chart that stays as it is, or a picture (PNG)."""
+    """A chart that stays as drawn (SVG), or a picture (PNG)."""
 
     title: str
     content: Chart | bytes
@@ -99,7 +100,7 @@ class Drawing:
 
 @dataclass(frozen=True)
 class Fold:
-    """Parts to unfold."""
+    """Parts that are hidden until the reader unfolds them."""
 
     summary: str
     parts: Sequence[Part]
@@ -115,12 +116,12 @@ class Beside:
 Part = Html | Points | Grid | Graph | Drawing | Fold | Beside
 
 Content = Callable[[Any], Iterable[Part]]
-"""Gives the parts of what the report is about; a block that has none is left out."""
+"""Yields a block's parts from the report's subject; a block without parts is left out."""
 
 
 @dataclass(frozen=True)
 class Block:
-    """A part of a report with a title."""
+    """A section of a report."""
 
     title: str
     parts: Content
@@ -128,12 +129,12 @@ class Block:
 
     @property
     def inside(self) -> str:
-        """What is in it, in a line."""
+        """A line that summarises the section."""
         return (self.parts.__doc__ or "").partition("\n")[0]
 
 
 def block(blocks: list[Block], title: str, folded: bool = True) -> Callable[[Content], Content]:
-    """Put the function below it at the end of a report's blocks."""
+    """A decorator that appends a function to a report's blocks."""
 
     def add(parts: Content) -> Content:
         blocks.append(Block(title, parts, folded))
@@ -143,7 +144,7 @@ def block(blocks: list[Block], title: str, folded: bool = True) -> Callable[[Con
 
 
 def shortened(part: Points | Grid, noun: str, most: int = SHOWN) -> Iterator[Part]:
-    """A list or a table, of which what follows the first `most` is folded if it is several."""
+    """A list or a table, with the rows after the first `most` folded if they are two or more."""
     whole: Any = part
     if len(others := whole.rows[most:]) < 2:
         yield whole
@@ -153,7 +154,7 @@ def shortened(part: Points | Grid, noun: str, most: int = SHOWN) -> Iterator[Par
 
 
 def flat(parts: Iterable[Part], unfold: bool = False) -> Iterator[Part]:
-    """Parts in their order, without columns; what is folded stays so unless told otherwise."""
+    """All parts in order: those of columns, and with `unfold` also those of folds."""
     for part in parts:
         if isinstance(part, Beside):
             for side in part.columns:
@@ -165,19 +166,15 @@ def flat(parts: Iterable[Part], unfold: bool = False) -> Iterator[Part]:
 
 
 def _column(head: str, rows: Sequence[Row]) -> Column:
-    """The values of this name in all rows; None in those that have none."""
+    """The values under a head in all rows, None where a row lacks it."""
     cells = (row.get(head) for row in rows)
     known = [cell if isinstance(cell, tuple) else (cell, "") for cell in cells]
-    _, unit, *fine = max(known, key=lambda cell: (len(cell), cell[1]))  # of a row that has it
+    _, unit, *fine = max(known, key=lambda cell: (len(cell), cell[1]))  # a row that has the value
     return Column(head, [value for value, *_ in known], unit, fine=any(fine))
 
 
-def _is_number(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool)
-
-
 def _shown(column: Column) -> list[Any]:
-    """What a column is called and its values, in the unit in which they are shown."""
+    """A column's title and its values in the unit in which they are shown."""
     factor, _ = column.shown
-    scaled = (factor * v if factor != 1.0 and _is_number(v) else v for v in column.values)
+    scaled = (factor * v if factor != 1.0 and is_number(v) else v for v in column.values)
     return [column.title, *scaled]

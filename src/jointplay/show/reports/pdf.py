@@ -32,19 +32,20 @@ from jointplay.show.reports.parts import (
 
 _A4_IN = (8.27, 11.69)
 _LINE_IN, _ROW_IN, _MAIN_IN, _PICTURE_IN = 0.165, 0.21, 3.2, 2.4
-"""Heights of a line of 8.5 pt, of a row of a table, of figure and picture (judged)."""
-_LETTERS, _ASIDE, _TITLE = 122, 38, 64  # of a line, of one beside the figure, of a title (judged)
-_MARGIN_IN = 0.5  # of the page: what printers leave blank, and more (judged)
+"""Heights of a line of 8.5 pt, of a table's row, of the main chart and of a picture (judged)."""
+_LETTERS, _ASIDE, _TITLE = 122, 38, 64
+"""Letters in a line across the page, in a line beside the main chart, in a title (judged)."""
+_MARGIN_IN = 0.5  # margin of the page: what printers leave blank, and more (judged)
 _FURTHER, _FURTHER_IN = 2, 2.2
-"""Panels of further charts on the first page, and the height that they need (judged)."""
-_LETTERS_AN_INCH = 13  # of a title of 9 pt (judged)
-_COLUMNS, _NAMES = 3, 3  # of panels side by side, and of legends
+"""Most panels of further charts on the first page, and the height that they need (judged)."""
+_LETTERS_AN_INCH = 13  # letters an inch in a title of 9 pt (judged)
+_COLUMNS, _NAMES = 3, 3  # most panels side by side; columns of a legend
 
 
 def pdf(title: str, blocks: Sequence[tuple[Block, Sequence[Part]]], start: float = 0.0) -> bytes:
-    """A report's PDF, of vector graphics; what is before `start` [s] is grey."""
+    """A report's PDF in vector graphics; time before `start` [s], which is not judged, is grey."""
     content = io.BytesIO()
-    with style("screen"), PdfPages(content) as pages:  # which embeds typefaces when it is closed
+    with style("screen"), PdfPages(content) as pages:  # typefaces are embedded as it closes
         pages.infodict()["Title"] = title
         answer, shown = _answer(title, blocks[0][1], start)
         pages.savefig(answer)
@@ -64,7 +65,7 @@ def _charts(parts: Sequence[Part], start: float) -> Iterator[Chart]:
 
 
 def _chart(graph: Graph, start: float) -> Chart:
-    """A graph, in which what is not judged is grey; one key names all curves."""
+    """A graph as a chart, its time before `start` shaded, with one legend for all panels."""
     shaded = start and graph.timed
     marks = [Rule(0.0, "x", colour=GREY, width=0.0, end=start)] if shaded else []
     panels = [replace(panel, columns=0).with_marks(*marks) for panel in graph.panels]
@@ -72,14 +73,16 @@ def _chart(graph: Graph, start: float) -> Chart:
     filled: list[Panel | None] = [*panels, *[None] * (-len(panels) % across)]
     rows = [filled[k : k + across] for k in range(0, len(filled), across)]
     size = (7.0, 1.3 + 1.6 * len(rows)) if graph.stacked else (4.3 * across, 0.8 + 4.1 * len(rows))
-    same: Any = "col" if graph.same else False
-    look: Any = {"key": _NAMES, "key_at": "outside lower center", "same_y": same}
-    return Chart(rows, size, graph.title, same_x=graph.stacked, **look)
+    chart = Chart(rows, size, graph.title, key=_NAMES, key_at="outside lower center")
+    return replace(chart, same_x=graph.stacked, same_y="col" if graph.same else False)
 
 
 def _answer(title: str, parts: Sequence[Part], start: float) -> tuple[Figure, list[str]]:
-    """The sentences; the first chart and, beside it, what is assumed; the figures, the machine; of
-    the further charts those for which there is room. Also the titles of the charts."""
+    """The first page, and the titles of the charts on it.
+
+    Five bands, from above: title and sentences; the main chart, with the assumptions beside it; the
+    tables and pictures; the remaining lines; further charts, as many as there is room for.
+    """
     first = next((k for k, part in enumerate(parts) if isinstance(part, Beside)), len(parts))
     titles = textwrap.wrap(title, _TITLE)
     above = _lines(parts[:first], _LETTERS)
@@ -96,20 +99,19 @@ def _answer(title: str, parts: Sequence[Part], start: float) -> tuple[Figure, li
         max(_ROW_IN * rows, _PICTURE_IN if pictures else 0.1),
         _LINE_IN * (len(below) + 2),
     ]
-    left = max(_A4_IN[1] - 2.0 * _MARGIN_IN - sum(heights), 0.1)
+    left = max(_A4_IN[1] - 2.0 * _MARGIN_IN - sum(heights), 0.1)  # of a sheet's height
     further: list[Chart] = []
     for chart in charts[1:] if left >= _FURTHER_IN else ():
         if len(chart.rows) == 1 and sum(len(c.panels) for c in [*further, chart]) <= _FURTHER:
             further.append(chart)
-    growing = [4] if further else [1, 2] if pictures else [1]  # what fills the page
+    growing = [4] if further else [1, 2] if pictures else [1]  # bands that share what is left
     heights = [h + (k in growing) * left / len(growing) for k, h in enumerate([*heights, 0.0])]
     size = np.array([_A4_IN[0], sum(heights) + 2.0 * _MARGIN_IN])
     figure = new_figure(*size)
     edge = _MARGIN_IN / size
     figure.get_layout_engine().set(rect=(*edge, *(1.0 - 2.0 * edge)))
     rooms: Any = figure.subfigures(5, 1, height_ratios=np.maximum(heights, 0.1))
-    heading: Any = {"fontsize": 13, "weight": "bold", "va": "top"}
-    rooms[0].text(0.0, 1.0, "\n".join(titles), **heading)
+    rooms[0].text(0.0, 1.0, "\n".join(titles), fontsize=13, weight="bold", va="top")
     _write(rooms[0], above, heights[0], 0.15 + 0.25 * len(titles))
     main, beside = rooms[1].subfigures(1, 2, width_ratios=[1.9, 1.0])
     if charts:
@@ -139,30 +141,32 @@ def _place(room: Any, chart: Chart) -> None:
     grid = room.subplots(len(chart.rows), len(chart.rows[0]), squeeze=False)
     for panel, axes in zip(chart.panels, grid.flat, strict=False):
         draw_panel(panel, axes)
-    if chart.key:  # else it is in the panel
+    if chart.key:  # else the panel has its own legend
         key(room, grid, 2, "outside lower center")
 
 
 def _lines(parts: Iterable[Part], letters: int) -> list[str]:
-    """What parts say, in lines of so many letters; of folded tables, that the page has them."""
+    """The text of parts, wrapped to lines of `letters`; folded tables are left to the HTML page."""
     lines = []
     for part in parts:
         if isinstance(part, Fold):
             tables = any(isinstance(inner, Grid) for inner in part.parts)
             summary = f"{part.summary}: in the page" if tables else part.summary
             lines += _lines([Points([summary]), *part.parts], letters)
-        said = part.rows if isinstance(part, Points) else [part] if isinstance(part, Html) else []
-        for item in said:
+        items = part.rows if isinstance(part, Points) else [part] if isinstance(part, Html) else []
+        for item in items:
             lines += textwrap.wrap(text(item).striptags(), letters, subsequent_indent="  ")
     return lines
 
 
 def _write(room: Any, lines: Sequence[str], high: float, above: float) -> None:
+    """Write lines into a band of height `high`, beginning `above` below its top [inches]."""
     for k, line in enumerate(lines):
         room.text(0.0, 1.0 - (above + _LINE_IN * k) / high, line, va="top", fontsize=8.5)
 
 
 def _write_table(axes: Any, grid: Grid, high: float) -> None:
+    """Draw a table at the top of `axes`, over the part `high` of their height."""
     cells = [[text(cell).striptags() for cell in row] for row in (grid.head, *grid.rows)]
     cells = cells if any(cells[0]) else cells[1:]
     box = (0.0, 1.0 - high, 1.0, high)

@@ -1,4 +1,4 @@
-"""The blocks of a report on runs, in its order: what each shows, assumes and comes from."""
+"""The blocks of a report on runs, in the order of the page."""
 
 from __future__ import annotations
 
@@ -47,17 +47,17 @@ from jointplay.simulation.result.result import AXES, Result
 
 BLOCKS: list[Block] = []
 
-_ORBITS = 3  # of the cases with the largest forces, at a glance
-_VALUES = 8  # assumed ones that stand beside the figures before they are unfolded
+_ORBITS = 3  # orbits at a glance: those of the cases with the largest forces (judged)
+_VALUES = 8  # assumed values that stand unfolded beside the figures (judged)
 
 
 @block(BLOCKS, "At a glance", folded=False)
 def glance(runs: Runs) -> Iterator[Part]:
-    """What `jointplay run` says first, the figures that matter most, the machine, three charts."""
-    answers: list[tuple[float, Html]] = []  # the largest tool errors first
+    """The first lines of `jointplay run`, the main figures, the machine, three charts."""
+    answers: list[tuple[float, Html]] = []  # sentences by the size of the tool error
     for case in runs.judged:
         if case.error is not None and analysis.has_play(case.result):
-            with suppress(JointplayError):  # a law of the user's own that may not be imported
+            with suppress(JointplayError):  # for example a user's own law, which is not imported
                 sentence = headline(case.result)[0]
                 largest = float(np.linalg.norm(case.error.values, axis=1).max())
                 answers.append((largest, markup("{}{}.", case.prefix, sentence)))
@@ -66,14 +66,19 @@ def glance(runs: Runs) -> Iterator[Part]:
     caption = f"Tool errors are {AGAINST}{runs.since}"
     grid = runs.by_case(lambda case: _figures(runs, case), caption=caption, name="glance")
     yield Beside([column for column in ([grid], [*_assumed(runs)], _picture(runs)) if column])
-    yield from shortened(Points(_warnings(runs)), "warning")
+    warnings = [
+        markup('{} <strong class="warn">Warning:</strong> {}.', case, warning)
+        for case in runs.cases
+        for warning in case.result.audit.warnings
+    ]
+    yield from shortened(Points(warnings), "warning")
     yield from _doubts(runs)
     yield from _first_error(runs)
     yield from _heaviest(runs)
 
 
 def _first_error(runs: Runs) -> Iterator[Part]:
-    """The tool's error over time, also from where it was sent; without play where the tool goes."""
+    """Tool error over time, also as the first line measures it; without play, the tool's motion."""
     if not runs.judged:
         panels = figures.tool_panels(runs.detailed, "tool_position")
         yield from _graph(runs, "tool_displacement", "Displacement of the tool", panels)
@@ -83,14 +88,14 @@ def _first_error(runs: Runs) -> Iterator[Part]:
     panels = []
     for case in runs.judged:
         panel = runs.detailed[case.label].plot.panel("deviation", "total", of=f"tool_{of}")
-        off = None if angle else case.sent
-        label = "from the ideal machine" if case.alone and off else case.label
+        stated = None if angle else case.stated_error
+        label = "from the ideal machine" if case.alone and stated else case.label
         panel = panel.styled(colour=case.colour, name=label)
-        if off:
-            size = np.linalg.norm(off.reported.values, axis=1)
-            label = off.against if case.alone else f"{case.label}, {off.against}"
-            time = off.reported["time"].values
-            panel = panel.with_marks(Curve(time, size, label, case.colour, line="--"))
+        if stated:
+            distance = np.linalg.norm(stated.reported.values, axis=1)
+            label = stated.against if case.alone else f"{case.label}, {stated.against}"
+            time = stated.reported["time"].values
+            panel = panel.with_marks(Curve(time, distance, label, case.colour, line="--"))
         panels.append(panel)
     title = "Tool error: distance from the ideal mechanism with the same drives"
     title = "Turn of the tool against the ideal mechanism" if angle else title
@@ -98,20 +103,21 @@ def _first_error(runs: Runs) -> Iterator[Part]:
 
 
 def _heaviest(runs: Runs) -> Iterator[Part]:
-    """Orbit and force of the joint with clearance that carries most."""
+    """Orbit and force of the joint with clearance that carries the largest force."""
     forces = {case.label: _joint_forces(case, runs.start) for case in runs.cases}
     largest = [(force, joint) for by_joint in forces.values() for joint, force in by_joint.items()]
     if not largest:
         return
     _, joint = max(largest)
-    cases = [case for case in runs.cases if joint in case.joints]
+    cases = [case for case in runs.cases if joint in case.result.joints]
     loaded = sorted(cases, key=lambda case: forces[case.label][joint])[-_ORBITS:]
     pairs = zip(cases, figures.orbit_panels(runs.detailed, [joint]), strict=True)
     shown = [pair for case, pair in pairs if case in loaded]
-    # Of one the nearer rim stands beside the middle, which stays inside where a journal tilts.
+    # A single orbit gets a second panel, of the nearer rim: a tilted journal touches by its rims
+    # while its middle stays inside the clearance.
     orbits = [panel for pair in shown for panel in pair[: 2 if len(shown) == 1 else 1] if panel]
     carries = ", which carries most" if len({j for _, j in runs.places}) > 1 else ""
-    over = figures.overlaid(
+    overlaid = figures.overlaid(
         runs.detailed[case.label]
         .plot.panel("forces", "total", joint)
         .styled(colour=case.colour, width=0.8, name=case.label)
@@ -119,86 +125,89 @@ def _heaviest(runs: Runs) -> Iterator[Part]:
     ).renamed("contact force")
     title = f"Centre in the bearing of {joint}{carries}, with its clearance"
     yield from _graph(runs, "first_orbit", title, orbits)
-    yield from _graph(runs, "first_force", f"Contact force in {joint}{carries}", [over])
+    yield from _graph(runs, "first_force", f"Contact force in {joint}{carries}", [overlaid])
 
 
 def _assumed(runs: Runs) -> Iterator[Part]:
-    """What nobody gave: values that decide in sight, all with their effects to unfold."""
+    """Assumed values in a list, decisive ones first; folded, a table of all with their effects."""
     decisive: list[Html] = []
     others: list[Html] = []
     rows = value_rows(runs, assumed=True)
     for row in rows:
+        # The last part of the key names the value, or its section where that part says too little.
         section, _, name = row["value"].partition(".")
         name = name.rpartition(".")[2] or section
         name = section.removesuffix("s") if name in ("kind", "coulomb") else name
-        name = name.replace("_", " ")
-        known = decisive if name in ("motion", *(d.replace("_", " ") for d in DECISIVE)) else others
         of = markup(" ({})", row["of"]) if row.get("of") else ""
-        item = markup("{} {}{}", name, row["is"], of)
-        known += [] if item in known else [item]
-    named = decisive + others
-    if named:
-        yield markup("<h3>{}</h3>", f"{counted(len(named), 'value')} assumed")
-        yield Points(named[:_VALUES])
-        more = f"{len(named) - _VALUES} more, and " if len(named) > _VALUES else ""
+        item = markup("{} {}{}", name.replace("_", " "), row["is"], of)
+        group = decisive if name in ("motion", *DECISIVE) else others
+        group += [] if item in group else [item]
+    values = decisive + others
+    if values:
+        yield markup("<h3>{}</h3>", f"{counted(len(values), 'value')} assumed")
+        yield Points(values[:_VALUES])
+        more = f"{len(values) - _VALUES} more, and " if len(values) > _VALUES else ""
         yield Fold(f"{more}what others would change", [Grid.of_rows(rows, name="assumed")])
 
 
 def _figures(runs: Runs, case: Case) -> Row:
-    """The figures of a case at a glance; None where one is unknown."""
-    start, certificate, figures_ = runs.start, case.result.certificate, {}
-    if certificate is not None and start == case.result.judge_from:
-        figures_ = {figure.name: figure for figure in certificate.figures}
+    """The main figures of a case; None where one is unknown."""
+    start, certificate, certified = runs.start, case.result.certificate, {}
+    if certificate is not None and start == case.result.judge_from:  # the certificate's own time
+        certified = {figure.name: figure for figure in certificate.figures}
 
-    def known(value: float | None, name: str) -> Any:
-        """A value with its numerical error, if that is of the time judged."""
-        return value if value is None or name not in figures_ else _marked(figures_[name])
+    def with_error(value: float | None, name: str) -> Any:
+        """A value, or where it is certified the figure with its numerical error."""
+        return value if value is None or name not in certified else _marked(certified[name])
 
-    against = case.sent.against if case.sent else ""
+    stated = case.stated_error
     row: dict[str, Any] = {"ended": case.result.status.name.lower().replace("_", " ")}
     for error, head, name, unit in (
-        (case.sent.reported if case.sent else None, f"tool {against}", "", "m"),
+        (stated.reported if stated else None, f"tool {stated.against if stated else ''}", "", "m"),
         (case.error, "tool error", "tool error", "m"),
         (case.turn, "turn of the tool", "tool turn", "rad"),
     ):
         if error is not None and float(error["time"][-1]) >= start:
             accuracy = analysis.error_statistics(error, start)
-            row[f"{head}, peak"] = known(accuracy.peak[3], f"peak {name}"), unit
-            row[f"{head}, RMS"] = known(accuracy.rms[3], f"RMS {name}"), unit
+            row[f"{head}, peak"] = with_error(accuracy.peak[3], f"peak {name}"), unit
+            row[f"{head}, RMS"] = with_error(accuracy.rms[3], f"RMS {name}"), unit
     if case.error is not None:
         ends = [stop.end for stop in _stops(case) if stop.at_rest and stop.end > 0.0]
         errors = [float(analysis.error_at(case.error, end)[3]) for end in ends]
         row["tool error at stops, largest"] = max(errors, default=None), "m"
     if forces := _joint_forces(case, start):
         joint, force = max(forces.items(), key=lambda item: item[1])
-        at = f", {joint}" if len(case.joints) > 1 else ""
-        row["force at the joint, peak"] = known(force, f"peak joint force{at}"), "N"
-        row["impacts"] = known(case.result.audit.judged_impacts, "impacts")
+        at = f", {joint}" if len(case.result.joints) > 1 else ""
+        row["force at the joint, peak"] = with_error(force, f"peak joint force{at}"), "N"
+        row["impacts"] = with_error(case.result.audit.judged_impacts, "impacts")
     if (rattle := _rattle(runs, case)) is not None:
         row["energy lost per impact"] = rattle.energy or None, "J", True
     return row | {"warnings": len(case.result.audit.warnings)}
 
 
 def _rattle(runs: Runs, case: Case) -> analysis.Rattle | None:
-    if case.joints and runs.start == case.result.judge_from:
+    """Figures of the case's impacts, if it can rattle and they are of the time that is judged."""
+    if case.result.joints and runs.start == case.result.judge_from:
         with suppress(JointplayError):  # too few records
             return analysis.rattle(case.result)
     return None
 
 
 def _marked(figure: CertifiedFigure) -> Html:
+    """A figure with its numerical error, marked where that is large."""
     pattern = '{} <strong class="warn">uncertain</strong>' if figure.marked else "{}"
     return markup(pattern, figure.number.replace("± ", "±\u00a0"))  # a line may end before ±
 
 
 def _joint_forces(case: Case, start: float) -> dict[str, float]:
-    """The largest force in each joint with clearance from `start` on [N]."""
-    late = case.result.forces.values[case.result.time >= start] if case.joints else np.empty((0, 0))
-    return dict(zip(case.joints, map(float, late.max(axis=0, initial=0.0)), strict=True))
+    """Largest contact force in each joint with clearance from `start` on [N]."""
+    result = case.result
+    late = result.forces.values[result.time >= start] if result.joints else np.empty((0, 0))
+    return dict(zip(result.joints, map(float, late.max(axis=0, initial=0.0)), strict=True))
 
 
 def _picture(runs: Runs) -> list[Part]:
-    """The mechanism with its play marked; nothing if it cannot be built or drawn."""
+    """A picture of the mechanism with its play marked; nothing if it cannot be built or drawn."""
     from jointplay.show.picture import picture
 
     shown = next((case for case in runs.cases if analysis.has_play(case.result)), runs.cases[0])
@@ -207,12 +216,12 @@ def _picture(runs: Runs) -> list[Part]:
         loose = {n: gear.play for n, gear in mechanism.gears.items() if gear.play > 0.0}
         units = mechanism.description.joints
         sizes = {name: readable(play, units[name].unit) for name, play in loose.items()}
-        sizes |= {name: mechanism.clearance[name].play_words for name in shown.joints}
+        sizes |= {name: mechanism.clearance[name].play_words for name in shown.result.joints}
         pattern = "{}\nplay {}" if shown.alone else "{}: play"
         labels = {name: pattern.format(name, size) for name, size in sizes.items()}
-        q, size_in = shown.result["q"].values[0], (4.4, 3.6)  # whose letters can be read
+        q, size_in = shown.result["q"].values[0], (4.4, 3.6)  # its letters are legible in the page
         figure, content = picture(mechanism, q, labels=labels, size_in=size_in), io.BytesIO()
-    except JointplayError:  # such as a law of the user's own that may not be imported
+    except JointplayError:  # for example a user's own law, which is not imported
         return []
     with style("screen"):
         figure.savefig(content, format="png", dpi=150, bbox_inches="tight", pad_inches=0.05)
@@ -223,18 +232,10 @@ def _picture(runs: Runs) -> list[Part]:
     return [Drawing(title, content.getvalue())]
 
 
-def _warnings(runs: Runs) -> list[Html]:
-    return [
-        markup('{} <strong class="warn">Warning:</strong> {}.', case, warning)
-        for case in runs.cases
-        for warning in case.result.audit.warnings
-    ]
-
-
 def _doubts(runs: Runs) -> Iterator[Part]:
-    """What ± and its absence stand for, and what to do about large errors."""
+    """What ± and a missing ± mean, and what to do about large numerical errors."""
     certificates = [case.result.certificate for case in runs.cases]
-    unknown = [case for case in runs.cases if case.joints and case.result.certificate is None]
+    unknown = [c for c in runs.cases if c.result.joints and c.result.certificate is None]
     points: list[str] = []
     if any(certificates):
         points.append(
@@ -242,8 +243,8 @@ def _doubts(runs: Runs) -> Iterator[Part]:
             "not say how well the model fits the machine."
         )
     if unknown:
-        unsure = "{} Numerical errors are not known; jointplay run --certify finds them."
-        points.append(markup(unsure, runs.named(unknown)))
+        pattern = "{} Numerical errors are not known; jointplay run --certify finds them."
+        points.append(markup(pattern, runs.named(unknown)))
     if any(figure.marked for c in certificates if c is not None for figure in c.headline):
         points.append(
             f"uncertain: the numerical error exceeds {100.0 * MARKED:g} % of the value (of a "
@@ -260,7 +261,7 @@ block(BLOCKS, "Parameters")(parameters)
 
 @block(BLOCKS, "Assumptions")
 def assumptions(runs: Runs) -> Iterator[Part]:
-    """What holds in these runs, and from when on they are judged."""
+    """What these runs assume, and from when on they are judged."""
     holds = conditions(runs.cases)
     points = [sentence for when, sentence in all_assumptions() if holds[when]]
     if runs.start:
@@ -274,12 +275,12 @@ def assumptions(runs: Runs) -> Iterator[Part]:
 
 @block(BLOCKS, "Audit")
 def audits(runs: Runs) -> Iterator[Part]:
-    """Energy, steps, contacts and numerical errors of each run, by its own judgement."""
+    """Each run's own checks: energy, steps, contacts and numerical errors."""
     yield runs.by_case(_audit, "of the run", name="audit-table")
     points: list[Html] = []
     for case in runs.cases:
         certificate = case.result.certificate
-        texts = [case.result.audit.headline_with(certificate)] if case.joints else []
+        texts = [case.result.audit.headline_with(certificate)] if case.result.joints else []
         if certificate is not None:
             texts += [text for text in (certificate.origin, certificate.note) if text]
             texts.append(f"further runs: {'; '.join(certificate.runs)}")
@@ -310,7 +311,7 @@ def _audit(case: Case) -> Row:
         "ended": result.message,
         "energy residual": (audit.energy_residual, "J"),
         "the same, of what is exchanged": (audit.relative_energy_residual, "1"),
-        **(contact if case.joints else {}),
+        **(contact if result.joints else {}),
         "step": readable(audit.step, "s"),
         "error by the step": (audit.step_error, "m", True),
         "drift of ideal loops": (drift, "m", True),
@@ -379,13 +380,12 @@ def accuracy(runs: Runs) -> Iterator[Part]:
 
 
 def _stops(case: Case) -> list[analysis.Stop]:
-    """Stops of the reference motion, as far as the run came; none if nobody knows them."""
-    motion = None
-    with suppress(JointplayError):  # the run cannot be built again
+    """Stops of the reference motion up to the end of the tool error; none without a motion."""
+    with suppress(JointplayError):  # the run's inputs may not be buildable here
         motion = case.result.simulation.motion
-    if motion is None or case.error is None:
-        return []
-    return analysis.stops(motion, float(case.error["time"][-1]))
+        if motion is not None and case.error is not None:
+            return analysis.stops(motion, float(case.error["time"][-1]))
+    return []
 
 
 @block(BLOCKS, "Bearings")
@@ -401,7 +401,7 @@ def bearings(runs: Runs) -> Iterator[Part]:
                       [rims for _, rims in both if rims is not None])  # fmt: skip
     for kind in ("mode", "form"):
         timelines = []
-        for panel in _of_joints(runs, f"{kind}s", where=partial(_has_shares, kind=kind)):
+        for panel in _of_joints(runs, f"{kind}s", where=partial(_slides, kind=kind)):
             rows = [mark for mark in panel.marks if isinstance(mark, Spans)]
             # Shares are those of records, not of steps: the table has them.
             axis = Axis(rows=[row.name.partition(", ")[0] for row in rows])
@@ -415,20 +415,18 @@ def bearings(runs: Runs) -> Iterator[Part]:
     yield from _lives(runs)
 
 
-def _has_shares(result: Result, joint: str, kind: str) -> bool:
+def _slides(result: Result, joint: str, kind: str) -> bool:
+    """Whether a joint's surfaces slide and it has contact modes, or forms (`kind`)."""
     return not analysis.rolls(result, joint) and bool(analysis.time_fractions(result, joint, kind))
 
 
 def _shares(runs: Runs) -> Iterator[Part]:
-    """Shares of the time in each mode, and in each form that occurred."""
+    """Tables of the share of time in each contact mode, and in each form that occurred."""
     sliding = [place for place in runs.places if not analysis.rolls(place[0].result, place[1])]
     modes = {mode.name.lower(): name for mode, name in zip(Mode, MODES, strict=True)}
-    forms = {
-        form.name.lower(): f"{form.letter}: {form.name.lower().replace('_', ' ')}"
-        if form
-        else "no contact"
-        for form in Form
-    }
+    forms = {form.name.lower(): form.name.lower().replace("_", " ") for form in Form}
+    forms = {form.name.lower(): f"{form.letter}: {forms[form.name.lower()]}" for form in Form}
+    forms["none"] = "no contact"
     for kind, members in (("mode", modes), ("form", forms)) if sliding else ():
         shares = [analysis.time_fractions(c.result, j, kind, runs.start) for c, j in sliding]
         occurred = [k for k in members if kind == "mode" or any(s.get(k, 0.0) for s in shares)]
@@ -444,27 +442,26 @@ def _shares(runs: Runs) -> Iterator[Part]:
 
 
 def _lives(runs: Runs) -> Iterator[Part]:
-    """Loads, life and friction of rolling bearings; nothing without any."""
+    """A table of the loads, life and friction of rolling bearings, if there are any."""
     rows: list[Row] = []
     swings = False
     for case in runs.cases:
-        if not any(analysis.rolls(case.result, joint) for joint in case.joints):
+        if not any(analysis.rolls(case.result, joint) for joint in case.result.joints):
             continue
         for joint, bearing in analysis.rolling_bearings(case.result).items():
             with suppress(JointplayError):  # too few records
                 life = analysis.bearing_life(case.result, joint, runs.start)
                 swings = swings or life.oscillates
-                rows.append(
-                    {
-                        "joint": markup("{} {}", case, joint),
-                        "bearing": bearing.designation or bearing.kind.replace("-", " "),
-                        "largest element load": (life.largest_load, "N"),
-                        "the same, at C0": (life.rated_load, "N"),
-                        "elements loaded, most": f"{life.most_loaded} of {life.elements}",
-                        "life L10": life.lasting,
-                        "friction torque, mean": (life.mean_torque, "N*m"),
-                    }
-                )
+                row: Row = {
+                    "joint": markup("{} {}", case, joint),
+                    "bearing": bearing.designation or bearing.kind.replace("-", " "),
+                    "largest element load": (life.largest_load, "N"),
+                    "the same, at C0": (life.rated_load, "N"),
+                    "elements loaded, most": f"{life.most_loaded} of {life.elements}",
+                    "life L10": life.lasting,
+                    "friction torque, mean": (life.mean_torque, "N*m"),
+                }
+                rows.append(row)
     if not rows:
         return
     table = Grid.of_rows(rows, "largest element load", 1, caption="Rolling bearings")
@@ -489,7 +486,7 @@ def forces(runs: Runs) -> Iterator[Part]:
     rows: list[Row] = [
         {"joint": markup("{} {}", case, joint), "largest force": (force, "N")}
         for case in runs.cases
-        if len(case.joints) > 1
+        if len(case.result.joints) > 1
         for joint, force in _joint_forces(case, runs.start).items()
     ]
     if rows:
@@ -506,26 +503,20 @@ def forces(runs: Runs) -> Iterator[Part]:
 @block(BLOCKS, "Impacts")
 def impacts(runs: Runs) -> Iterator[Part]:
     """Contacts by place, the largest ones step by step, normal forces and gaps."""
-    if not runs.places:  # where gears alone play, none strikes
+    start = runs.start
+    if not runs.places:  # play in gears alone has no contacts
         return
-    rows = [
-        _contact(case, place)
-        for case in runs.cases
-        for place in analysis.contacts(case.result, runs.start)
-    ]
+    rows = [_contact(c, place) for c in runs.cases for place in analysis.contacts(c.result, start)]
     yield from shortened(Grid.of_rows(rows, "peak force, largest", 1), "place")
     yield paragraph(
         "Contacts begun, impulse and shortest contact are exact: counted at every step of the "
         "whole run. Durations come from records, and contacts that follow each other within one "
         "record interval count as one. Peak forces are held between records and exact."
     )
-    panels = [
-        replace(
-            panel, marks=[replace(curve, name=curve.name.rpartition(", ")[0]) for curve in curves]
-        )
-        for panel in _of_joints(runs, "impacts", runs.recorded, start=runs.start)
-        if (curves := _curves(panel))
-    ]
+    panels = []
+    for panel in _of_joints(runs, "impacts", runs.recorded, start=start):
+        curves = [replace(c, name=c.name.rpartition(", ")[0]) for c in _curves(panel)]
+        panels += [replace(panel, marks=curves)] if curves else []
     yield from _graph(runs, "impacts", "Contacts by duration and peak force", panels)
     yield from _single_impacts(runs)
     for name, quantity in (("contacts", "Normal force"), ("gaps", "Gap")):
@@ -534,7 +525,7 @@ def impacts(runs: Runs) -> Iterator[Part]:
 
 
 def _contact(case: Case, place: Contacts) -> Row:
-    """Statistics of a place where a joint touches."""
+    """Statistics of one contact place of a joint: exact ones where the run was replayed."""
 
     def percentile(values: np.ndarray, percent: float) -> float | None:
         return float(np.percentile(values, percent)) if len(values) else None
@@ -560,7 +551,7 @@ def _contact(case: Case, place: Contacts) -> Row:
 
 
 def _single_impacts(runs: Runs) -> Iterator[Part]:
-    """The largest impacts, step by step, each with a button that zooms into it."""
+    """A table of the largest impacts, each with a button that zooms into it."""
     rows: list[Row] = []
     for case in runs.cases:
         windows = case.replay.windows if case.replay is not None else ()
@@ -568,18 +559,17 @@ def _single_impacts(runs: Runs) -> Iterator[Part]:
             time = window["time"].values
             force = window["normal_force"].sel(joint=impact.joint, contact=impact.contact)
             zoom = f"{float(time[0])!r},{float(time[-1])!r}"
-            rows.append(
-                {
-                    "place": _place(case, impact.joint, impact.contact),
-                    "time [s]": f"{float(time[int(force.values.argmax())]):.5f}",
-                    "peak normal force": (impact.peak_force, "N"),
-                    "penetration": (impact.penetration, "m", True),
-                    "steps in contact": impact.steps if impact.complete else f"> {impact.steps}",
-                    "approach speed": (impact.approach_speed, "m/s", True),
-                    "separation speed": (impact.separation_speed, "m/s", True),
-                    "": markup('<button type="button" data-zoom="{}">zoom</button>', zoom),
-                }
-            )
+            row: Row = {
+                "place": _place(case, impact.joint, impact.contact),
+                "time [s]": f"{float(time[int(force.values.argmax())]):.5f}",
+                "peak normal force": (impact.peak_force, "N"),
+                "penetration": (impact.penetration, "m", True),
+                "steps in contact": impact.steps if impact.complete else f"> {impact.steps}",
+                "approach speed": (impact.approach_speed, "m/s", True),
+                "separation speed": (impact.separation_speed, "m/s", True),
+                "": markup('<button type="button" data-zoom="{}">zoom</button>', zoom),
+            }
+            rows.append(row)
     if rows:
         yield Grid.of_rows(rows, name="single-impacts", left=1)
 
@@ -591,11 +581,8 @@ def _place(case: Case, joint: str, contact: str) -> Html:
 @block(BLOCKS, "Spectrum")
 def spectrum(runs: Runs) -> Iterator[Part]:
     """The tool's acceleration by frequency, and in bands."""
-    panels = [
-        replace(panel, marks=curves)
-        for panel in figures.spectrum_panels(runs.recorded, runs.start)
-        if (curves := _curves(panel))
-    ]
+    spectra = figures.spectrum_panels(runs.recorded, runs.start)
+    panels = [replace(panel, marks=curves) for panel in spectra if (curves := _curves(panel))]
     title = "Power spectral density of the tool's acceleration"
     yield from _graph(runs, "spectrum", title, panels)
     rows: list[Row] = []
@@ -632,7 +619,7 @@ def spectrum(runs: Runs) -> Iterator[Part]:
 def _graph(
     runs: Runs, name: str, title: str, panels: Sequence[Panel], same: bool = False
 ) -> Iterator[Graph]:
-    """A graph; none without panels."""
+    """A graph, if there are panels; a single case is not named in it."""
     case = runs.cases[0]
     if panels:
         shown = [_unnamed(panel, case.label) for panel in panels] if case.alone else panels
@@ -646,7 +633,7 @@ def _of_joints(
     where: Callable[[Result, str], bool] = lambda *_: True,
     **asked: Any,
 ) -> list[Panel]:
-    """A plot of each joint with clearance, or of those that `where` chooses."""
+    """The result plot `name` of each joint with clearance, or of those that `where` selects."""
     panels = []
     for label, result in (results or runs.detailed).items():
         for joint in result.joints:
@@ -658,7 +645,7 @@ def _of_joints(
 
 
 def _unnamed(panel: Panel, label: str) -> Panel:
-    """A panel that does not name the only case, of this label."""
+    """The panel without the label of the only case in its title and legend."""
     title = panel.title.removeprefix(f"{label}, ").removeprefix(f"{label}: ")
     marks = [
         replace(mark, name="") if isinstance(mark, Curve) and mark.name == label else mark

@@ -1,4 +1,4 @@
-"""The blocks of a report on a sweep, in its order; its page has no scripts."""
+"""The blocks of a report on a sweep, in the order of the page, which has no scripts."""
 
 from __future__ import annotations
 
@@ -29,10 +29,9 @@ from jointplay.study import sweep_table
 from jointplay.study.outcome import DONE, FAILED, NOT_RUN
 from jointplay.study.sweep_plan import SAMPLE
 
-_ROWS, _FIRST = 20, 2  # points of the grid, and figures, that are not folded
-_MOST_ROWS = 400  # points of the grid, and failed cases, that the tables show
-_VALUES = 8  # of the scenario, that stand beside the figures
-
+_ROWS, _FIRST = 20, 2  # points of the grid, and charts, that stand unfolded (judged)
+_MOST_ROWS = 400  # most points of the grid, or failed cases, in a table (judged)
+_VALUES = 8  # most values of the scenario beside the figures (judged)
 _PRECISION = 0.05  # relative half width of a confidence interval that the page calls enough
 
 BLOCKS: list[Block] = []
@@ -40,7 +39,7 @@ BLOCKS: list[Block] = []
 
 @block(BLOCKS, "At a glance", folded=False)
 def glance(dataset: xr.Dataset) -> Iterator[Part]:
-    """From where to where each measure goes, and at which points; how many cases ran."""
+    """Range of each measure, with the points of its ends; how many cases ran; the first charts."""
     dims, over = sweep_table.grid(dataset)
     ranges: list[str] = []
     for name, unit, factor in sweep_table.columns_of(dataset):
@@ -66,16 +65,14 @@ def glance(dataset: xr.Dataset) -> Iterator[Part]:
     yield Beside([[Grid.of_cases("", [""], [counts])], values])
     yield from [*_lines(dataset), *_samples(dataset)][:_FIRST]
     if _varied(dataset):
-        bands = (
-            "Means; the bands are 95 % confidence intervals of the mean over the runs of a point."
-        )
-        yield paragraph(bands)
+        intervals = "95 % confidence intervals of the mean over the runs of a point"
+        yield paragraph(f"Means; the bands are {intervals}.")
 
 
 def _extreme(
     dataset: xr.Dataset, means: xr.DataArray, find: Callable[[np.ndarray], Any], unit: str
 ) -> str:
-    """The mean that `find` finds, and at which point of the grid."""
+    """The mean that `find` (nanargmin or nanargmax) selects, and its point of the grid, as text."""
     place = np.unravel_index(int(find(means.values)), means.shape)
     where = [
         f"{_spoken(d)} {sweep_table.coordinate_text(dataset, d, int(k))} "
@@ -91,7 +88,6 @@ def _extreme(
 def cases(dataset: xr.Dataset) -> Iterator[Part]:
     """Means with half the width of their confidence intervals, at each point of the grid."""
     dims, over = sweep_table.grid(dataset)
-
     value = operator.attrgetter("plus_minus" if over else "value")
     points = sweep_table.points(dataset, _MOST_ROWS, value)
     caption = ""
@@ -103,6 +99,7 @@ def cases(dataset: xr.Dataset) -> Iterator[Part]:
 
 
 def _left_out(number: int, noun: str = "") -> Iterator[Part]:
+    """A note on rows that a table leaves out, if it does."""
     if number > 0:
         yield paragraph(f"{number} more {noun}are in the store.")
 
@@ -112,19 +109,19 @@ def _spoken(name: str) -> str:
 
 
 def _varied(dataset: xr.Dataset) -> list[str]:
-    """Dimensions of the grid with more than one value, the longest first."""
+    """The grid's dimensions with more than one value, the longest first."""
     dims = [d for d in sweep_table.grid(dataset)[0] if dataset.sizes[d] > 1]
     return sorted(dims, key=lambda d: -dataset.sizes[d])
 
 
 def _known(dataset: xr.Dataset) -> dict[str, str]:
-    """Measures that have values, and what they are called."""
+    """Measures that have values, and their names in words."""
     names = (name for name, _, _ in sweep_table.columns_of(dataset))
     return {n: _spoken(n) for n in names if np.isfinite(dataset[n].values).any()}
 
 
 def _lines(dataset: xr.Dataset) -> Iterator[Drawing]:
-    """Each measure over each dimension, with lines for another that has few values."""
+    """Each measure over the two longest dimensions, a line for each value of a short one."""
     dims = _varied(dataset)
     for x in dims[:2]:
         few = (d for d in dims if d != x and dataset.sizes[d] <= plots.MOST_LINES)
@@ -134,7 +131,7 @@ def _lines(dataset: xr.Dataset) -> Iterator[Drawing]:
 
 
 def _samples(dataset: xr.Dataset) -> Iterator[Drawing]:
-    """Each measure over each sampled quantity, and how it settles; of a grid besides: nothing."""
+    """Each measure over each sampled quantity, and its convergence, if nothing else is varied."""
     if not sweep_table.grid(dataset)[1] or _varied(dataset):
         return
     for name, label in _known(dataset).items():
@@ -156,9 +153,8 @@ def maps(dataset: xr.Dataset) -> Iterator[Part]:
     dims = _varied(dataset)
     for name, label in _known(dataset).items() if len(dims) > 1 else ():
         x, y, *_ = dims
-        yield Drawing(
-            f"{label} over {_spoken(x)} and {_spoken(y)}", plots.chart(dataset, x, y, z=name)
-        )
+        title = f"{label} over {_spoken(x)} and {_spoken(y)}"
+        yield Drawing(title, plots.chart(dataset, x, y, z=name))
 
 
 @block(BLOCKS, "Distributions")
@@ -193,14 +189,14 @@ def failed(dataset: xr.Dataset) -> Iterator[Part]:
 
 @block(BLOCKS, "What was run")
 def inputs(dataset: xr.Dataset) -> Iterator[Part]:
-    """What was varied, and the scenario that is changed."""
+    """What was varied, and the scenario that each case changes."""
     yield Grid(["key", "value"], _inputs(dataset, True), left=2)
     scenario = Grid(["key", "value"], _inputs(dataset, False), left=2)
     yield Fold("The scenario that is changed", [scenario])
 
 
 def _inputs(dataset: xr.Dataset, of_sweep: bool) -> list[tuple[str, str]]:
-    """Keys and values of the table [sweep], or of the rest of the scenario, as files have them."""
+    """Keys and values of the scenario's table [sweep], or of all else, as the file has them."""
     inputs = []
     for key, text in dict(dataset.attrs["identity"]).items():
         with suppress(ValueError):

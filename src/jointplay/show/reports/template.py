@@ -1,4 +1,4 @@
-"""Reports as HTML pages: one template for all of them, `page/page.html`."""
+"""Reports as HTML pages, by the template `page/page.html`."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ def page(
     start: float = 0.0,
     end: float = 0.0,
 ) -> str:
-    """A report's page; `subject` is the line below the title.
+    """A report's page; `subject` is the line below its title.
 
-    Its graphs are of these `times`, and begin at `start` [s].
+    Graphs over time have the cases' `times`, and open with the view from `start` to `end` [s].
     """
     charts = Charts(times)
     graphs = [
@@ -66,15 +66,15 @@ def page(
 
 
 _DARK = {"#000000": "#000, #e2e6ea", "#e6e6e6": "#e6e6e6, #2d343b"}
-"""Ink and grid of a figure, and what they are on the dark page of `page/report.css`."""
+"""Colours of a figure's ink and grid, each with its pair on light and dark pages (`report.css`)."""
 
 
 def _source(drawing: Drawing) -> str:
-    """The address of a drawing that is in the page itself."""
+    """A drawing as a data URL."""
     if isinstance(drawing.content, bytes):
         return f"data:image/png;base64,{base64.b64encode(drawing.content).decode()}"
     drawn = io.BytesIO()
-    # Without a date: the same run, the same page.
+    # Without a date, the same run gives the same page.
     draw(drawing.content).savefig(drawn, format="svg", metadata={"Date": None}, transparent=True)
     svg = drawn.getvalue().decode()
     for light, both in _DARK.items():

@@ -25,7 +25,7 @@ from jointplay.cli.commands import Outputs, given, inputs, print_answer
 from jointplay.cli.options import ANGLE, FLAG, REPEATED, TIME, Number, Parser
 
 DONE = "joints.runs"
-"""File of the joints that are done, as long as others are not."""
+"""File of the finished joints, until all are."""
 
 
 # fmt: off
@@ -88,10 +88,10 @@ def run(options: argparse.Namespace) -> int:
     refuse_without_play(mechanism, play, formats, options.tilt)
     out.claim()
     store = Path(options.out) / DONE
-    how = given(options, "amplitude", "period") | {"progress": not options.quiet}
-    how |= {"jobs": options.jobs, "store": store} if joint is None else {}
+    reversal = given(options, "amplitude", "period") | {"progress": not options.quiet}
+    reversal |= {"jobs": options.jobs, "store": store} if joint is None else {}
     robot, further = ReducedRobot.of(
-        posed, joint, formats, options.tilt, reversals=how,
+        posed, joint, formats, options.tilt, reversals=reversal,
         **given(options, "plugin", "spread"),
     )  # fmt: skip
     notes += further
@@ -122,9 +122,8 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _joint(options: argparse.Namespace) -> str:
-    """The one joint that is named, by its gear or else by --joint; if that has no clearance of its
-    own, it is no option any more.
-    """
+    """The joint to reduce, named by its --gear or else by --joint; a --joint that only names it,
+    without a clearance, is removed from the options."""
     geared = list(dict.fromkeys(name_and_number(text)[0] for text in options.gear))
     if not options.joint and len(geared) == 1 and geared != [ALL]:
         return geared[0]
@@ -136,5 +135,5 @@ def _joint(options: argparse.Namespace) -> str:
     ((joint, length),) = inputs.named_joints(options).items()
     known = joint in geared or options.preset is not None or inputs.is_scenario(options)
     if known and length is None and options.clearance is None:
-        options.joint = []  # its play is the scenario's, or its gear's alone
+        options.joint = []  # its play is the scenario's or the gear's
     return joint

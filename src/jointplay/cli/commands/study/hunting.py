@@ -2,8 +2,9 @@
 
 Look at one joint at a time, all others held: its motor, gear with play, inertia and weight at the
 pose, friction, and its servo. Joints that controllers of your own ([loads]) set move together. They
-are released beside their goal, several times, with play and without; printed are the swing that
-lasts, if any, what the describing function of the play predicts, and up to which gain all is quiet.
+are released beside their goal, several times, with play and without. The answer tells the swing
+that lasts, if any, what the describing function of the play predicts, and up to which gain all is
+quiet.
 Gears and servos come from a scenario, --preset, or --gear and --set; see docs/drives.md.
 
 Example: jointplay study hunting so101 --preset --of elbow_flex
@@ -21,7 +22,7 @@ from jointplay.cli.commands.inputs import is_scenario, of_journals, own_preset, 
 from jointplay.cli.options import REPEATED, TIME, Parser
 
 RUNS = "hunting.runs"
-"""What is kept of runs, in the folder of --out."""
+"""File of finished runs in the folder of --out, from which an interrupted command continues."""
 
 
 # fmt: off
@@ -40,9 +41,9 @@ def declare(parser: Parser) -> None:
     add("--gain", metavar="GAIN", help="gain that is varied: p_gain, i_gain, d_gain, or a "
         "parameter of your controller, by the name in its class or p0, p1, ... (default: p_gain of "
         "servos, none of controllers)")
-    add("--map", metavar="GAIN=FROM:TO:COUNT", **REPEATED, help="two of them, such as "
-        "p_gain=10:400:20 d_gain=0:5:20: a map of the swings over both, of one joint; evenly by "
-        "factors unless from 0")
+    add("--map", metavar="GAIN=FROM:TO:COUNT", **REPEATED, help="given twice, for two gains, such "
+        "as p_gain=10:400:20 d_gain=0:5:20: a map of one joint's swings over both, in steps of "
+        "equal factors unless from 0")
     add("--out", metavar="DIR", help="folder for hunting.csv (of a map gains.csv, gains.png) and, "
         "during the run, for what is done: the same command goes on after an interruption")
     parser.share("--jobs", "--detail", "--quiet")
@@ -78,11 +79,11 @@ def run(options: argparse.Namespace) -> int:
     refuse_journals(options)
     scenario = scenario_of(options)
     simulation = scenario.simulation(options.case)
-    marks = ("note: ", " is p_gain") if options.registers else ("note: ",)
-    registers = [line for line in scenario.assumptions if any(mark in line for mark in marks)]
+    marks = ("note: ", " is p_gain") if options.registers else ("note: ",)  # gains from registers
+    assumed = [line for line in scenario.assumptions if any(mark in line for mark in marks)]
     held = read_pose(simulation.mechanism, pose_of(options))
-    how = {"longest": options.time, "jobs": options.jobs, "progress": not options.quiet}
-    how["keep"] = Path(options.out) / RUNS if options.out else None
+    arguments = {"longest": options.time, "jobs": options.jobs, "progress": not options.quiet}
+    arguments["keep"] = Path(options.out) / RUNS if options.out else None
     if spans:
         machines = hunting.released(simulation, options.of, held)
         names = [axis.joint for machine in machines for axis in machine.axes]
@@ -91,7 +92,7 @@ def run(options: argparse.Namespace) -> int:
     out.claim()
     streams.release()
     if spans:
-        gain_map = hunting.gain_map(machines[0], *spans, **how)
+        gain_map = hunting.gain_map(machines[0], *spans, **arguments)
         print(gain_map.sentence)
         if options.out:
             from jointplay.show.plots.design import gains
@@ -101,13 +102,13 @@ def run(options: argparse.Namespace) -> int:
     if options.poses is not None:
         from jointplay.study import calm
 
-        answers = calm.calm(simulation, options.of, held, positions=options.poses, **how)
+        answers = calm.calm(simulation, options.of, held, positions=options.poses, **arguments)
         table, notes = calm.table(answers), [answer.advice for answer in answers]
         sentence = "; ".join(answer.sentence for answer in answers)
     else:
-        hunts = hunting.hunting(simulation, options.of, held, gain=options.gain, **how)
+        hunts = hunting.hunting(simulation, options.of, held, gain=options.gain, **arguments)
         table, notes = hunting.table(hunts, options.gain), hunting.notes(hunts)
         sentence = hunting.sentence(hunts)
-    print_answer(sentence, table, [*notes, *registers], options)
+    print_answer(sentence, table, [*notes, *assumed], options)
     out.write({"hunting.csv": table.csv()})
     return 0

@@ -20,7 +20,7 @@ from jointplay.cli.commands.inputs import simulation_of
 from jointplay.cli.options import LENGTH, REPEATED, Parser
 
 FILES = ("iso9283.csv", "poses.png", "path.png")
-"""What is written into --out; at a part of the speed, its per cent stand before the dot."""
+"""Files in --out; those at a part of the speed have its per cent before the dot."""
 
 
 # fmt: off
@@ -91,7 +91,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _in_cube(options: argparse.Namespace, simulation: Any) -> tuple[Any, str]:
-    """The simulation, with the motion of the test if it is asked for; its poses in words."""
+    """The simulation, by --cube with the test's motion, and what its poses are, in words."""
     if (options.cube is None) != (options.cube_centre is None):
         raise JointplayError("--cube LENGTH and --cube-centre X,Y,Z go together")
     if options.cube is None:

@@ -26,13 +26,14 @@ def run(options: argparse.Namespace) -> int:
     from jointplay.base import files
 
     out = files.check_picture(options.out) if options.out else None
-    from jointplay.show.plots.sweep import draw_convergence  # what comes now takes long to import
+    from jointplay.show.plots.draw import draw  # what comes now takes long to import
+    from jointplay.show.plots.sweep import convergence_chart
     from jointplay.study import open_sweep
     from jointplay.study.sweep_table import uncertainty
 
     dataset = open_sweep(Path(options.store)).dataset()
     print(uncertainty(dataset, options.measure, options.precision))
     if out is not None:
-        files.picture(out, draw_convergence(dataset, options.measure, options.precision))
+        files.picture(out, draw(convergence_chart(dataset, options.measure, options.precision)))
         print(out)
     return 0

@@ -1,18 +1,18 @@
-// The front end: controls that ask the server, and what shows the answers.
+// The front end: controls that ask the server, and charts and tables that show its answers.
 
-const STEPS = 300;          // of a slider
-const DIGITS = 3;           // that a slider's value has
-const MOST_KEPT = 5;
-const PAUSE_MS = 1000; // a slider that stood so long begins another step of the history
+const STEPS = 300;          // positions of a slider
+const DIGITS = 3;           // digits of a slider's value
+const MOST_KEPT = 5;        // cases that can be kept
+const PAUSE_MS = 1000;      // a slider that rested so long begins a new step of the history
 const COLOURS = ["--k0", "--k1", "--k2", "--k3", "--k4", "--k5"];
 const DASHES = ["", "6 3", "2 3", "8 3 2 3", "4 4", "1 3"];
 const FACTORS = [["automatic", 0], ["1", 1], ["10", 10], ["100", 100], ["1000", 1000]];
 
-// The server that the page comes from: `ask(values, receive)` returns a function that gives up
-// waiting, `scenario(values)` promises the text of a file.
+// The server that the page comes from: `ask(values, receive)` returns a function that cancels the question,
+// `scenario(values)` promises the text of a file.
 function askedServer() {
     const page = Array.from(crypto.getRandomValues(new Uint32Array(2)), one => one.toString(36)).join("");
-    let number = 0;  // requests may overtake each other: the server goes by this
+    let number = 0;  // requests may overtake each other: by this the server knows the newest
     const post = (name, values, signal) => fetch(name, {
         method: "POST", headers: {"Content-Type": "application/json"},
         body: JSON.stringify({values, page, number: ++number}), signal});
@@ -57,7 +57,7 @@ function askedServer() {
     };
 }
 
-// When what is in the document now has been painted.
+// Call `then` once the document as it is now has been painted.
 function painted(then) {
     requestAnimationFrame(() => { const channel = new MessageChannel(); channel.port1.onmessage = then; channel.port2.postMessage(0); });
 }
@@ -66,7 +66,8 @@ function mount(root, contents, block) {
     return new Live(root, contents, block);
 }
 
-// How far the tool can go by play alone, and what contacts and drives that give way as in the run add to it.
+// Largest travel of the tool by play alone, and what the contacts' penetration and the drives' deflection in
+// the run add to it [m].
 function bounds({budget, cycle}) {
     if (!budget || budget.error) return {};
     const sunk = budget.parts.map(part => cycle?.sunk[part.name]);
@@ -75,7 +76,7 @@ function bounds({budget, cycle}) {
     return {free: budget.worst, gives, drives: cycle.drives ?? undefined};
 }
 
-// A chart of the panel that a machine's answers fill.
+// A chart with one panel, which answers fill.
 class AnswerChart extends Chart {
     constructor(title) {
         super({role: "img"});
@@ -85,7 +86,7 @@ class AnswerChart extends Chart {
         new ResizeObserver(() => this.fill()).observe(this.svg);
     }
 
-    // `x` and `y`: what the axes show and in which SI unit; `equal`: both in the same scale.
+    // `x` and `y`: label and SI unit of the axes; `equal`: whether both have the same scale.
     show({x, y, equal}, series, title = this.title) {
         this.panel = {x: {...x, tight: !equal, prefixed: x?.unit !== "s"}, y: {...y, zero: !equal, prefixed: true}, equal,
             series: series.filter(one => one.x && one.x.length)};
@@ -95,7 +96,7 @@ class AnswerChart extends Chart {
         this.fill();
     }
 
-    // What one sees, in words.
+    // The chart in words, for screen readers.
     words() {
         const shown = this.panel.series.filter(one => !one.frame), {unit} = this.panel.y;
         return shown.map(one => {
@@ -114,7 +115,7 @@ class AnswerChart extends Chart {
         this.markAt(this.mark);
     }
 
-    // A line at the time that the picture shows.
+    // Draw a line at the time of the picture.
     markAt(x) {
         this.mark = x;
         const [plot] = this.plots;
@@ -133,12 +134,12 @@ class Live {
         this.values = {...this.first};
         this.history = [{...this.values}];
         this.at = 0;
-        this.sliding = {name: null, time: 0, at: 0}; // the slider that made the last step, and when
+        this.sliding = {name: null, time: 0, at: 0}; // slider, time and place of the history's last step
         this.number = 0;          // of the newest question
-        this.kept = [];
+        this.kept = [];           // cases to compare with
         this.joint = contents.joints[0] || null;
-        this.answer = {};         // to the newest question, as far as it is there
-        this.before = null;       // the run that is shown until the next one is there
+        this.answer = {};         // parts of the answer to the newest question that have come
+        this.before = null;       // the run that is shown until the next one comes
         this.timing = {};
         this.errorOfQuick = null;
         this.joined = Promise.resolve();
@@ -162,7 +163,7 @@ class Live {
         }
     }
 
-    // ---- what there is to see -------------------------------------------------------------------
+    // ---- layout -----------------------------------------------------------------------------------
 
     build() {
         const {contents, root} = this;
@@ -244,7 +245,7 @@ class Live {
     }
 
     buildResults() {
-        // What a card will show stands in it until that is there.
+        // A card says what it will show until that comes.
         const card = (label, will, ...parts) => element("section", {class: "card coming", "aria-label": label}, ...parts,
             element("p", {class: "will soft"}, will, element("progress", {"aria-label": "computing"})));
         this.pane = element("div", {});
@@ -278,7 +279,7 @@ class Live {
         this.runIs = element("p", {class: "soft run"});
         this.table = element("div", {class: "scroll", tabindex: 0, role: "region", "aria-label": "figures of all cases"});
         const figures = card("figures", "tool error, forces and impacts", element("h2", {}, "Figures"), this.table, this.runIs);
-        const orbit = card("orbit", "where the journal goes in its bearing: follows with the run", choice, this.charts.orbit.figure);
+        const orbit = card("orbit", "the journal's orbit in its bearing: follows with the run", choice, this.charts.orbit.figure);
         robot.classList.add("machine");
         orbit.classList.add("orbit");
         const error = card("tool error", "the tool's error over time: follows with the run", this.charts.error.figure);
@@ -297,7 +298,7 @@ class Live {
         return Object.fromEntries(Object.entries(values).filter(([name, value]) => value !== this.first[name]));
     }
 
-    // Ask about the values as they are; what comes later to older questions is not shown.
+    // Ask about the values as they are; answers to older questions are dropped from now on.
     ask() {
         const number = ++this.number;
         this.cancel?.();
@@ -313,7 +314,7 @@ class Live {
         });
     }
 
-    // Parts of an answer are shown in their order: pictures take a moment to unpack.
+    // Show the parts of an answer in their order, one after the other: pictures take a moment to unpack.
     receive(number, head, block) {
         this.joined = this.joined.then(async () => {
             let tracks = null;
@@ -359,11 +360,11 @@ class Live {
         } else if (head.kind === "picture") {
             const {cycle} = answer;
             cycle.picture = head.picture;
-            // It takes longest where no graphics card draws it: not before the curves.
+            // After the curves: without a graphics card the picture takes longest.
             if (tracks) painted(() => { if (this.answer.cycle === cycle) this.showPicture(tracks); });
         } else if (head.kind === "end") {
             painted(() => { timing.ended = true; });
-            if (head.superseded) this.say("another page has asked since; change a value to ask again", true);
+            if (head.superseded) this.say("another page has asked a question since; change a value to ask again", true);
             else if (!this.failed && !answer.cycle) { this.results.classList.add("refused"); this.before = null; this.showTable(); this.say("no answer"); }
             else if (!this.failed) this.say(answer.cycle.quick ? "no answer" : "exact answer");
             this.failed = false;
@@ -371,7 +372,7 @@ class Live {
         this.showButtons();
     }
 
-    // By how much quick figures were off, the largest part.
+    // The largest relative error of a quick run's figures.
     difference(quick, fine) {
         let worst = null;
         for (const {name, value, unit} of fine.figures) {
@@ -396,7 +397,7 @@ class Live {
         this.results.classList.add("refused");
         this.answer.refused = true;
         for (const part of this.results.children) part.classList.add("stale");
-        this.say("not computed: see the message at the value; what is shown is from before", true);
+        this.say("not computed: see the message at the value; the answers shown are older", true);
     }
 
     clearWrong() {
@@ -419,8 +420,8 @@ class Live {
 
     colour(k) { return getComputedStyle(this.root).getPropertyValue(COLOURS[k % COLOURS.length]).trim(); }
 
-    // What is now and what was kept, each with its look. Figures of the run before stand until there
-    // are new ones: a table that shrank and grew with each question would move all below it.
+    // Kept cases and the present one, each with the number of its look. Figures of the run before stay until
+    // new ones come: a table that shrank and grew with each question would move all below it.
     cases() {
         const {cycle, budget} = this.answer, old = !cycle && this.before;
         const now = {label: "now", ...this.answer, k: 0, ...(old ? {cycle: old, old: true} : {})};
@@ -589,8 +590,8 @@ class Live {
         this.ask();
     }
 
-    // Keep the values as a step of the history. Those to which the slider of one control is moved
-    // without a pause, key by key, are one step.
+    // Make the values a step of the history. Values through which one slider moves without a pause, key by
+    // key, are one step.
     remember(slider = null) {
         const now = performance.now(), last = this.sliding;
         const same = JSON.stringify(this.history[this.at]) === JSON.stringify(this.values);
@@ -664,7 +665,7 @@ class Live {
         history.replaceState(null, "", words ? `#${words}` : location.pathname);
     }
 
-    // Take the values that the address holds; says whether they are others than now.
+    // Take the values from the address; returns whether the address has changed.
     fromLink() {
         for (const name of Object.keys(this.values)) this.showValue(name);
         const words = location.hash.slice(1);
@@ -676,7 +677,7 @@ class Live {
         }
         this.values = values;
         for (const name of Object.keys(values)) this.showValue(name);
-        if (unknown.length) this.wrong.textContent = `the link has what this machine has not: ${unknown.join(", ")}`;
+        if (unknown.length) this.wrong.textContent = `the link names values that this machine does not have: ${unknown.join(", ")}`;
         return true;
     }
 

@@ -1,7 +1,7 @@
-// The machine in motion: the player's bodies, twins, paths and forces, whose tracks can be replaced.
+// The machine in motion, by the player's `Case`, whose tracks are replaced after each run.
 
 const LOOKS = {light: [[0.93, 0.95, 0.97], [0.78, 0.82, 0.86]], dark: [[0.16, 0.19, 0.22], [0.09, 0.11, 0.13]]};
-const SEEN_PART = 0.06;  // of the robot's reach: what the largest deviation is magnified to, at least
+const SEEN_PART = 0.06;  // least size of the magnified largest deviation, relative to the robot's reach
 
 class RobotView {
     constructor(pane, bodies, block) {
@@ -33,7 +33,7 @@ class RobotView {
         if (!this.shown) this.shown = new Case(this.viewer, block, entry, 0, this.surfaces);
         else {
             for (const {line} of this.shown.traces.lines) line.geometry.dispose();
-            this.shown.take(block, entry);  // other tracks for the same bodies
+            this.shown.take(block, entry);  // new tracks for the same bodies
         }
         const largest = this.shown.largestDeviation();
         this.automatic = largest ? Math.min(1e5, nice(SEEN_PART * reach / largest) || 1) : 1;
@@ -57,7 +57,7 @@ class RobotView {
         return this.view.deviation;
     }
 
-    // Have the whole motion in view, in the pane as it is.
+    // Aim the camera so that the whole motion fits into the pane.
     aim() {
         const {viewer, shown} = this, {t} = this;
         if (!shown) return;

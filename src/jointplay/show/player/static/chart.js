@@ -1,46 +1,47 @@
-// Charts as SVG: pairs of axes and what is drawn between them, in the colours of chart.css.
+// Charts as SVG: panels with axes, curves, bars and dots, in the colours of chart.css.
 
 const SVG = "http://www.w3.org/2000/svg";
 
 function shape(tag, attributes, text) {
-    const made = document.createElementNS(SVG, tag);
-    for (const [name, value] of Object.entries(attributes)) made.setAttribute(name, value);
-    if (text !== undefined) made.textContent = text;
-    return made;
+    const node = document.createElementNS(SVG, tag);
+    for (const [name, value] of Object.entries(attributes)) node.setAttribute(name, value);
+    if (text !== undefined) node.textContent = text;
+    return node;
 }
 
 // Round steps between low and high, about `count` of them.
 function ticks(low, high, count) {
     const raw = (high - low) / count, power = 10 ** Math.floor(Math.log10(raw));
     const step = power * ([1, 2, 5].find(n => n * power >= raw * 0.999) || 10);
-    const found = [];
-    for (let k = Math.ceil(low / step - 1e-9); k * step <= high + 1e-9 * step; k++) found.push(k * step);
-    return found.length > 1 || count > 8 ? found : ticks(low, high, count + 1);  // one alone has no scale
+    const places = [];
+    for (let k = Math.ceil(low / step - 1e-9); k * step <= high + 1e-9 * step; k++) places.push(k * step);
+    return places.length > 1 || count > 8 ? places : ticks(low, high, count + 1);  // one alone shows no scale
 }
 
 // Powers of ten, not many more than `count`; where there are no two of them, 1, 2 and 5 of each.
 function decades(low, high, count) {
     const first = Math.ceil(Math.log10(low) - 1e-9), last = Math.floor(Math.log10(high) + 1e-9);
-    const step = Math.max(1, Math.ceil((last - first) / count)), found = [];
-    for (let k = first; k <= last; k += step) found.push(10 ** k);
-    if (found.length > 1) return found;
+    const step = Math.max(1, Math.ceil((last - first) / count)), powers = [];
+    for (let k = first; k <= last; k += step) powers.push(10 ** k);
+    if (powers.length > 1) return powers;
     return [first - 1, first].flatMap(k => [1, 2, 5].map(n => n * 10 ** k)).filter(at => low <= at && at <= high);
 }
 
-function said(value, log) {
+// A tick's number as text; on logarithmic axes small and large powers of ten are written as such.
+function tickText(value, log) {
     const power = Math.round(Math.log10(value));
     if (log && Math.abs(power) > 3 && Math.abs(value / 10 ** power - 1) < 1e-9)
-        return `10${String(power).replace(/./g, one => one === "-" ? "\u207b" : "\u2070\u00b9\u00b2\u00b3\u2074\u2075\u2076\u2077\u2078\u2079"[one])}`;
+        return `10${String(power).replace(/./g, digit => digit === "-" ? "\u207b" : "\u2070\u00b9\u00b2\u00b3\u2074\u2075\u2076\u2077\u2078\u2079"[digit])}`;
     const small = value !== 0 && (Math.abs(value) < 1e-4 || Math.abs(value) >= 1e6);
     return small ? Number(value.toPrecision(4)).toExponential() : String(Number(value.toPrecision(7)));
 }
 
-// From where to where an axis goes: as it says, or over its data.
+// Limits of an axis: its own, or those of its data with some room.
 function rangeOf(axis, series, key) {
     if (axis.range) return axis.range;
     if (axis.rows) return [axis.rows.length - 0.5, -0.5]; // the first stands at the top
     let low = Infinity, high = -Infinity;
-    for (const one of series) for (const value of one[key]) {
+    for (const curve of series) for (const value of curve[key]) {
         if (axis.log && !(value > 0)) continue;
         if (value < low) low = value;
         if (value > high) high = value;
@@ -52,7 +53,7 @@ function rangeOf(axis, series, key) {
     return [axis.zero && low === 0 ? low : low - room, high + room];
 }
 
-// Where a value stands, and which one stands somewhere.
+// A scale: `at` gives the place of a value, `value` that at a place.
 function scaleOf({log}, [low, high], from, to) {
     const of = log ? Math.log10 : value => value, back = log ? value => 10 ** value : value => value;
     const first = of(low), step = (to - from) / (of(high) - first);
@@ -73,12 +74,13 @@ function pathOf({x, y, spans}, across, up, dots) {
     return parts.join("");
 }
 
-// Draw a panel into its box of `svg`; gives the panel with the scales of its axes.
+// Draw a panel into its box of `svg`; returns the panel with the scales of its axes.
 //
 // A panel has {x, y, series, title, equal, box}; an axis {label, unit} and, where it has them, log,
-// rows (words at 0, 1, ...), range, zero (which is shown, too), tight (no room beside the data),
-// prefixed (numbers are SI) and bare (without words); a series {name, x, y, colour} and dash, frame
-// (no data), dots (their size), line (false: dots alone), or spans (where bars from x end).
+// rows (labels at 0, 1, ...), range, zero (whether it includes 0), tight (no room beside the data),
+// prefixed (numbers are SI, and get a prefix) and bare (without texts); a series {name, x, y, colour}
+// and, where it has them, dash, frame (not data), dots (their size), line (false: dots alone), or spans
+// (the ends of bars from x).
 function drawPanel(svg, panel) {
     const {box, series} = panel, wide = box.right - box.left, high = box.bottom - box.top;
     let across = rangeOf(panel.x, series, "x"), up = rangeOf(panel.y, series, "y");
@@ -93,7 +95,7 @@ function drawPanel(svg, panel) {
         const [low, end] = scale.range, count = Math.max(2, Math.floor(level ? high / 45 : wide / 90));
         const [step, prefix] = axis.prefixed ? prefixOf(Math.max(Math.abs(low), Math.abs(end))) : [1, ""];
         const places = axis.rows ? axis.rows.map((text, k) => [k, text]) :
-            (axis.log ? decades(low, end, count) : ticks(low / step, end / step, count)).map(at => [at * step, said(at, axis.log)]);
+            (axis.log ? decades(low, end, count) : ticks(low / step, end / step, count)).map(at => [at * step, tickText(at, axis.log)]);
         for (const [value, text] of places) {
             const at = scale.at(value);
             if (!axis.rows) inner.append(shape("line", {class: "grid", ...(level ? {x1: 0, x2: wide, y1: at, y2: at} : {x1: at, x2: at, y1: 0, y2: high})}));
@@ -108,15 +110,14 @@ function drawPanel(svg, panel) {
             {x: (box.left + box.right) / 2, y: box.bottom + 30})}, words));
     }
     if (panel.title) svg.append(shape("text", {x: box.left, y: box.top - 6, class: "title"}, panel.title));
-    for (const one of series) {
-        const width = {[one.line === false ? "dots" : "lines"]: true};
-        if (one.dots) width.dots = true;
-        for (const kind of Object.keys(width)) {
-            const dots = kind === "dots", path = shape("path", {d: pathOf(one, x, y, dots), class: one.spans ? "span" : dots ? "dots" : "curve"});
-            path.style.stroke = one.colour;
-            if (dots) path.style.strokeWidth = `${one.dots || 5}px`;
-            if (one.dash && !dots) path.setAttribute("stroke-dasharray", one.dash);
-            path.dataset.name = one.name || "";
+    for (const curve of series) {
+        const kinds = curve.line === false ? ["dots"] : curve.dots ? ["lines", "dots"] : ["lines"];
+        for (const kind of kinds) {
+            const dots = kind === "dots", path = shape("path", {d: pathOf(curve, x, y, dots), class: curve.spans ? "span" : dots ? "dots" : "curve"});
+            path.style.stroke = curve.colour;
+            if (dots) path.style.strokeWidth = `${curve.dots || 5}px`;
+            if (curve.dash && !dots) path.setAttribute("stroke-dasharray", curve.dash);
+            path.dataset.name = curve.name || "";
             inner.append(path);
         }
     }
@@ -124,7 +125,7 @@ function drawPanel(svg, panel) {
     return {...panel, across: x, up: y, wide, high, inner};
 }
 
-// Panels in one SVG, with a key of their series and what stands where the pointer is.
+// Panels in one SVG, with a legend (`key`) and a tip that tells the point nearest to the pointer.
 class Chart {
     constructor(attributes = {}) {
         this.svg = shape("svg", {class: "plots", ...attributes});
@@ -141,21 +142,21 @@ class Chart {
         this.plots = panels.map(panel => drawPanel(this.svg, panel));
     }
 
-    // Names and lines of series; `parts` stand behind them. `toggle` is called with a name.
+    // Fill the legend; `parts` stand behind the names. A click on a name calls `toggle` with it.
     showKey(series, toggle = null, hidden = new Set(), parts = []) {
-        const named = new Map(series.filter(one => one.name && !one.frame).map(one => [one.name, one]));
-        this.key.replaceChildren(...[...named.values()].map(one => {
+        const named = new Map(series.filter(({name, frame}) => name && !frame).map(curve => [curve.name, curve]));
+        this.key.replaceChildren(...[...named.values()].map(({name, dash, colour}) => {
             const line = shape("svg", {width: 22, height: 8, "aria-hidden": "true"});
-            const stroke = shape("line", {x1: 0, x2: 22, y1: 4, y2: 4, "stroke-width": 2, "stroke-dasharray": one.dash || "none"});
-            stroke.style.stroke = one.colour;
+            const stroke = shape("line", {x1: 0, x2: 22, y1: 4, y2: 4, "stroke-width": 2, "stroke-dasharray": dash || "none"});
+            stroke.style.stroke = colour;
             line.append(stroke);
-            if (!toggle) return element("span", {}, line, " ", one.name);
-            const pressed = String(!hidden.has(one.name));
-            return element("button", {type: "button", "aria-pressed": pressed, title: "show or hide", onclick: () => toggle(one.name)}, line, " ", one.name);
+            if (!toggle) return element("span", {}, line, " ", name);
+            const pressed = String(!hidden.has(name));
+            return element("button", {type: "button", "aria-pressed": pressed, title: "show or hide", onclick: () => toggle(name)}, line, " ", name);
         }), ...parts);
     }
 
-    // Where an event is: the plot, and its place in it.
+    // The panel at an event, and the event's place in it.
     place(event) {
         const seen = this.svg.getBoundingClientRect(), part = this.svg.viewBox.baseVal.width / seen.width;
         const x = (event.clientX - seen.left) * part, y = (event.clientY - seen.top) * part;
@@ -163,49 +164,49 @@ class Chart {
         return plot && {plot, x: x - plot.box.left, y: y - plot.box.top, left: x / part, top: y / part};
     }
 
-    // Say what is nearest to the pointer.
+    // Show in the tip the point of a series that is nearest to the pointer.
     pointed(event) {
         const at = this.place(event);
-        let near = 30, found = null;
-        for (const one of at ? at.plot.series : []) for (let i = 0; !one.frame && i < one.x.length; i++) {
-            const a = at.plot.across.at(one.x[i]), b = at.plot.up.at(one.y[i]);
-            const inside = one.spans && a <= at.x && at.x <= at.plot.across.at(one.spans[i]);
-            const away = Math.hypot(inside ? 0 : a - at.x, b - at.y);
-            if (away < near) [near, found] = [away, [one, i]];
+        let least = 30, nearest = null;  // within 30 px
+        for (const curve of at ? at.plot.series : []) for (let i = 0; !curve.frame && i < curve.x.length; i++) {
+            const a = at.plot.across.at(curve.x[i]), b = at.plot.up.at(curve.y[i]);
+            const inside = curve.spans && a <= at.x && at.x <= at.plot.across.at(curve.spans[i]);
+            const distance = Math.hypot(inside ? 0 : a - at.x, b - at.y);
+            if (distance < least) [least, nearest] = [distance, [curve, i]];
         }
-        this.tip.hidden = !found;
-        if (!found) return;
-        const [one, i] = found, {x, y} = at.plot;
-        const words = (axis, value) => axis.prefixed ? inUnits(value, axis.unit, 5) : `${Number(value.toPrecision(6))} ${axis.unit}`.trim();
-        const where = one.spans ? `${words(x, one.x[i])} to ${words(x, one.spans[i])}` :
-            one.texts ? `${words(x, one.x[i])}, ${words(y, one.y[i])}, ${one.texts[i]}` : `${words(y, one.y[i])} at ${words(x, one.x[i])}`;
-        this.tip.textContent = one.name ? `${one.name}: ${where}` : where;
+        this.tip.hidden = !nearest;
+        if (!nearest) return;
+        const [curve, i] = nearest, {x, y} = at.plot;
+        const number = (axis, value) => axis.prefixed ? inUnits(value, axis.unit, 5) : `${Number(value.toPrecision(6))} ${axis.unit}`.trim();
+        const where = curve.spans ? `${number(x, curve.x[i])} to ${number(x, curve.spans[i])}` :
+            curve.texts ? `${number(x, curve.x[i])}, ${number(y, curve.y[i])}, ${curve.texts[i]}` : `${number(y, curve.y[i])} at ${number(x, curve.x[i])}`;
+        this.tip.textContent = curve.name ? `${curve.name}: ${where}` : where;
         const seen = this.svg.getBoundingClientRect(), whole = this.tip.offsetParent.getBoundingClientRect();
         const left = seen.left - whole.left + at.left, right = at.left > seen.width / 2;
         Object.assign(this.tip.style, {top: `${seen.top - whole.top + at.top + 14}px`, left: right ? "auto" : `${left + 12}px`,
             right: right ? `${whole.width - left + 12}px` : "auto"});
     }
 
-    // The chart and its key as a file, with the colours of now.
+    // Offer chart and legend as an SVG file, in the colours of the page now.
     file(title) {
-        const made = this.svg.cloneNode(true), from = [...this.svg.querySelectorAll("*")];
-        [...made.querySelectorAll("*")].forEach((one, k) => {
+        const copy = this.svg.cloneNode(true), from = [...this.svg.querySelectorAll("*")];
+        [...copy.querySelectorAll("*")].forEach((node, k) => {
             const look = getComputedStyle(from[k]);
-            for (const name of ["fill", "stroke", "stroke-width", "stroke-linecap", "font-size", "font-family"]) one.setAttribute(name, look.getPropertyValue(name));
-            one.removeAttribute("style");
+            for (const name of ["fill", "stroke", "stroke-width", "stroke-linecap", "font-size", "font-family"]) node.setAttribute(name, look.getPropertyValue(name));
+            node.removeAttribute("style");
         });
         const {width, height} = this.svg.viewBox.baseVal, look = getComputedStyle(this.svg);
-        const words = {fill: getComputedStyle(this.key).color, "font-size": "12px", "font-family": look.fontFamily};
-        [...this.key.children].filter(one => one.querySelector("svg")).forEach((one, k) => {
-            const line = one.querySelector("line").cloneNode();
-            line.setAttribute("stroke", getComputedStyle(one.querySelector("line")).stroke);
+        const font = {fill: getComputedStyle(this.key).color, "font-size": "12px", "font-family": look.fontFamily};
+        [...this.key.children].filter(entry => entry.querySelector("svg")).forEach((entry, k) => {
+            const line = entry.querySelector("line").cloneNode();
+            line.setAttribute("stroke", getComputedStyle(entry.querySelector("line")).stroke);
             line.setAttribute("transform", `translate(10 ${height + 16 * k})`);
-            made.append(line, shape("text", {x: 38, y: height + 16 * k + 8, ...words}, one.textContent.trim()));
+            copy.append(line, shape("text", {x: 38, y: height + 16 * k + 8, ...font}, entry.textContent.trim()));
         });
         const all = height + 16 * this.key.children.length + 8;
-        for (const [name, value] of Object.entries({xmlns: SVG, width, height: all, viewBox: `0 0 ${width} ${all}`})) made.setAttribute(name, value);
-        made.prepend(shape("rect", {width: "100%", height: "100%", fill: look.backgroundColor}));
-        const url = URL.createObjectURL(new Blob([new XMLSerializer().serializeToString(made)], {type: "image/svg+xml"}));
+        for (const [name, value] of Object.entries({xmlns: SVG, width, height: all, viewBox: `0 0 ${width} ${all}`})) copy.setAttribute(name, value);
+        copy.prepend(shape("rect", {width: "100%", height: "100%", fill: look.backgroundColor}));
+        const url = URL.createObjectURL(new Blob([new XMLSerializer().serializeToString(copy)], {type: "image/svg+xml"}));
         element("a", {href: url, download: `${title}.svg`}).click();
         setTimeout(() => URL.revokeObjectURL(url), 1000);
     }

@@ -1,9 +1,9 @@
 // The close-up: bearing cut open, journal, contact points and forces. Displacements are magnified,
-// sizes are not. All in bearing axes, which move with the bearing.
+// sizes are not (closeup.py has the formula). All in bearing axes, which move with the bearing.
 
-const SHELL = 1.16;   // outer radius of the drawn bearing, inner one being 1
-const GUIDE = 1.5;    // length of a guide that is drawn, relative to its slider
-const CUT = 3;        // longest arrow, relative to the journal's radius
+const SHELL = 1.16;   // outer radius of the drawn bearing relative to the inner one
+const GUIDE = 1.5;    // length of the drawn guide relative to its slider
+const CUT = 3;        // length at which arrows are cut, relative to the journal's radius
 
 function lineOf(points, colour, opacity = 1) {
     const geometry = new THREE.BufferGeometry().setFromPoints(points.map(p => new THREE.Vector3(...p)));
@@ -22,7 +22,7 @@ function circleAt(z, radius = 1) {
     return points;
 }
 
-// Two tones, by angle about z (and by hemisphere, for a ball), so that turning is seen.
+// Two tones by sector about z (and by hemisphere, for a ball), which make rotation visible.
 function twoTone(geometry, ball) {
     const plain = geometry.toNonIndexed(), position = plain.attributes.position;
     const colours = new Float32Array(3 * position.count);
@@ -55,7 +55,7 @@ function journalOf({form, size}) {
     return group;
 }
 
-// A bearing whose inner half extents are 1, its half towards -y taken away.
+// A bearing with inner half extents of 1, without its half towards -y.
 function bearingOf({form, walls}) {
     const material = new THREE.MeshPhongMaterial({
         color: 0x78909c, transparent: true, opacity: 0.3, side: THREE.DoubleSide, depthWrite: false,
@@ -131,12 +131,12 @@ class CloseUp {
         this.dot = 0.06 * Math.min(...this.shape.size);
     }
 
-    // Half extents of the bearing as drawn.
+    // Half extents of the bearing as drawn: the journal's and the magnified clearance.
     extent(magnification) {
         return this.shape.size.map((size, k) => size + magnification * this.shape.room[k]);
     }
 
-    // How far what is drawn goes to the side and up in the picture, seen from an elevation [rad].
+    // Half width and half height that the close-up takes in the picture, seen from an elevation [rad].
     spans(magnification) {
         const [ex, ey, ez] = this.extent(magnification);
         const radius = SHELL * Math.hypot(Math.max(ex, ey), this.shape.form === "block" ? GUIDE * ez : ez);
@@ -150,6 +150,7 @@ class CloseUp {
         turnAt(joint.turn, place, 0, c.turn);
         vectorAt(joint.displacement, place, 0, c.away);
         vectorAt(joint.tilt, place, 0, c.tilt).multiplyScalar(M);
+        // x + M (d + w x x) of each point: a matrix of M w and M d after the ideal orientation.
         const {x, y, z} = c.tilt;
         c.skew.set(1, -z, y, M * c.away.x, z, 1, -x, M * c.away.y, -y, x, 1, M * c.away.z, 0, 0, 0, 1);
         this.journal.matrix.makeRotationFromQuaternion(c.turn).premultiply(c.skew);
@@ -170,7 +171,7 @@ class CloseUp {
             c.force.fromArray(joint.normal.values, at);
             const scale = this.perNewton(view), most = this.longest;
             const length = Math.min(size * scale, most) + this.reach;
-            // A push: its head is where it acts.
+            // A normal force pushes: its arrow ends at the contact. Friction begins there.
             c.at.copy(c.force).multiplyScalar(-length / size).add(point.position);
             aimArrow(normal, c.at, c.force, size * scale, most, 0.5 * this.dot);
             c.force.fromArray(joint.friction.values, at);
@@ -182,7 +183,7 @@ class CloseUp {
         const [ex, ey, ez] = this.extent(view.magnification);
         this.bearing.matrix.makeScale(ex, ey, ez);
         this.bearing.matrixWorldNeedsUpdate = true;
-        // The view travels with a slider: marks on its guide move instead.
+        // The view travels with a slider, so marks on its guide show that it slides.
         if (this.bearing.ticks) {
             const pitch = 0.4, away = -CloseUp.slide.z / ez;
             this.bearing.ticks.position.z = away - pitch * Math.round(away / pitch);
@@ -193,12 +194,12 @@ class CloseUp {
         material.color.multiplyScalar(0.75);
     }
 
-    // Length of arrows [m/N], the longest one, and how far before the point of contact they end.
+    // Scale of arrows [m/N], length of the longest, and distance from the contact at which they end.
     perNewton(view) { return view.closeMetresPerNewton * view.forceFactor; }
     get longest() { return CUT * Math.min(...this.shape.size); }
     get reach() { return 0; }
 
-    // Words for what is seen.
+    // Texts: mode, force, scale.
     mode() { return MODES[this.joint.modeNow].name; }
     forceWords(held) { return `${held}contact force ${inUnits(this.joint.force_N, "N")}`; }
     scaleWords(view) {

@@ -1,4 +1,4 @@
-// What all pages share: numbers with units, and elements.
+// Shared by all pages: numbers with units, and HTML elements.
 
 const PREFIXES = [[1e3, "k"], [1, ""], [1e-3, "m"], [1e-6, "\u00b5"], [1e-9, "n"]];
 
@@ -15,14 +15,14 @@ function inUnits(value, unit, digits = 3) {
     return `${Number((value / step).toPrecision(digits))} ${prefix}${unit}`;
 }
 
-// An element with attributes and children; text is always text.
+// An element with attributes and children; strings become text nodes, never HTML.
 function element(tag, attributes = {}, ...children) {
-    const made = document.createElement(tag);
+    const node = document.createElement(tag);
     for (const [name, value] of Object.entries(attributes)) {
         if (value === null || value === undefined || value === false) continue;
-        if (name.startsWith("on")) made[name] = value;
-        else made.setAttribute(name, value === true ? "" : value);
+        if (name.startsWith("on")) node[name] = value;
+        else node.setAttribute(name, value === true ? "" : value);
     }
-    made.append(...children);
-    return made;
+    node.append(...children);
+    return node;
 }

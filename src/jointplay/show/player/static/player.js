@@ -3,21 +3,21 @@
 const SPEEDS = [1 / 10000, 1 / 5000, 1 / 2000, 1 / 1000, 1 / 500, 1 / 200, 1 / 100, 1 / 50, 1 / 20,
     1 / 10, 1 / 5, 1 / 2, 1, 2, 5, 10];
 const FACTORS = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000];
-const IMPACT_SPEED = 1 / 1000;    // at impacts, if slow motion there is switched on
-const IMPACT_WINDOW = [5e-4, 2e-3];  // before and after, s
-const STRONG = 0.25;              // of the largest: impacts that are slowed down
-const LEAD = 5e-4;                // jumping to an impact stops this long before it, s
-const HOLD = 0.1;                 // s of viewing for which forces show while playing
-const ROUNDING = 1e-6;            // of times, s: more than tracks are rounded by, less than records are apart
-const SIDEBAR = 268;
-const NARROW = 720;               // px; below, the legend is hidden first and close-ups stand below the robot
-const SEEN = 0.06;                // of the robot's reach: what the largest deviation is magnified to, at least
+const IMPACT_SPEED = 1 / 1000;    // speed at impacts, if "slow at impacts" is on
+const IMPACT_WINDOW = [5e-4, 2e-3];  // time before and after an impact that is slowed down, s
+const STRONG = 0.25;              // impacts that are slowed down, relative to the strongest
+const LEAD = 5e-4;                // a jump to an impact stops this long before it, s
+const HOLD = 0.1;                 // time of viewing for which a force stays visible while playing, s
+const ROUNDING = 1e-6;            // s: more than the rounding of tracks' times, less than a record interval
+const SIDEBAR = 268;              // width of the legend, px
+const NARROW = 720;               // px; narrower windows begin without the legend, close-ups below the robot
+const SEEN = 0.06;                // least size of the magnified largest deviation, relative to the robot's reach
 
-const CONSTANT = 1e-6;            // of its size: a signal that varies less is drawn as a line
-const PEAKY = 0.15;               // of a signal's range: how low its median lies under towering peaks
-const LINE = 1.5;                 // px, of the timeline
+const CONSTANT = 1e-6;            // relative variation below which a signal is drawn as constant
+const PEAKY = 0.15;               // height of the median in a signal's range below which peaks dominate it
+const LINE = 1.5;                 // thickness of the timeline's curve, px
 
-const LOADS = ["no load on balls or rollers", "", "balls or rollers under load"];  // modes of rolling bearings
+const LOADS = ["no load on balls or rollers", "", "balls or rollers under load"];  // for rolling bearings, by mode
 
 const $ = id => document.getElementById(id);
 const speedName = s => s < 1 ? `1/${Math.round(1 / s)}` : `${s}`;
@@ -27,7 +27,7 @@ const css = colour => "#" + colour.toString(16).padStart(6, "0");
 class Player {
     constructor(viewer, contents, block) {
         Object.assign(this, {viewer, contents});
-        // Meshcat takes the window's height; its pane ends above the bar.
+        // Meshcat would take the window's height; its pane ends above the bar.
         const resize = viewer.set_3d_pane_size.bind(viewer), pane = $("meshcat-pane");
         viewer.set_3d_pane_size = () => resize(pane.clientWidth, pane.clientHeight);
         const surfaces = contents.surfaces.map(entry => surfaceOf(block, entry));
@@ -46,7 +46,7 @@ class Player {
         const reach = Math.max(...contents.cases.map(c => c.reach));
         const joints = this.cases.flatMap(c => c.entry.joints);
         const typical = Math.max(1e-9, ...joints.map(j => j.typical));
-        const journals = joints.filter(j => !j.elements);  // rolling bearings have scales of their own
+        const journals = joints.filter(j => !j.elements);  // rolling bearings have force scales of their own
         const typicalContact = Math.max(1e-9, ...journals.map(j => j.typical_contact));
         const radius = Math.min(0.1, ...journals.map(j => Math.min(...j.shape.size)));
         this.reach = reach;
@@ -90,7 +90,7 @@ class Player {
         const back = viewer.scene.matrixWorld.clone().invert();
         for (const c of this.cases) {
             c.drawTraces(1);
-            // Room that the case takes while it moves, in scene axes.
+            // The box that the case fills while it moves, in scene axes.
             const box = new THREE.Box3(), moments = 24;
             for (let i = 0; i <= moments; i++) {
                 const t = c.entry.start + i / moments * (c.entry.end - c.entry.start);
@@ -109,7 +109,7 @@ class Player {
         this.spacing = 1.1 * size[this.across] + 0.15 * this.reach;
     }
 
-    // "light", "dark", or as the system is. Not black: bodies and lines are dark, too.
+    // "light", "dark", or the system's choice. The dark background is grey, for bodies and lines are dark, too.
     setTheme(name) {
         if (name) document.documentElement.dataset.theme = name;
         this.dark = name ? name === "dark" : matchMedia("(prefers-color-scheme: dark)").matches;
@@ -132,7 +132,7 @@ class Player {
         return `rgb(${mixed.join(",")})`;
     }
 
-    // Cases side by side, or all in one place.
+    // Place the cases side by side, or superimposed.
     place() {
         let shown = 0;
         for (const c of this.cases) {
@@ -151,7 +151,7 @@ class Player {
         return box;
     }
 
-    // A floor under what is shown, in squares.
+    // A floor of squares under the cases shown.
     makeGrid() {
         const box = this.shownBox(), {cell, floor} = this;
         if (box.isEmpty()) return;
@@ -177,7 +177,7 @@ class Player {
         }[name];
         const direction = new THREE.Vector3(...from).normalize();
         const rect = this.rects().robot;
-        // Far enough for the corners of the box.
+        // Far enough away for all corners of the box to be in view.
         let distance = 0;
         const right = new THREE.Vector3().crossVectors(direction, UP).normalize().negate();
         const up = new THREE.Vector3().crossVectors(direction, right);
@@ -203,7 +203,7 @@ class Player {
         return this.closeups.filter(c => c.joint.name === this.joint && c.owner.visible);
     }
 
-    // Rectangles of the views in CSS pixels, from the top left.
+    // Rectangles of robot and close-ups, in CSS pixels from the top left.
     rects() {
         const width = window.innerWidth, height = Math.max($("frame").clientHeight, 50);
         const x = this.sidebar && width >= NARROW ? SIDEBAR : 0;
@@ -275,7 +275,7 @@ class Player {
         // Scene axes have y up, too: (x, y, z) here is (x, z, -y) there.
         const direction = new THREE.Vector3(Math.cos(elevation) * Math.cos(azimuth),
             Math.sin(elevation), -Math.cos(elevation) * Math.sin(azimuth));
-        // Between the words above and below, which take at most half of the height.
+        // The close-up fits between the texts above and below, which take at most half of the height.
         const {above, below} = view.words || {above: 0, below: 0};
         const part = Math.min(1, 0.5 * h / Math.max(above + below, 1)), left = h - part * (above + below);
         const half = Math.max(high * h / left, side * h / w);
@@ -288,7 +288,7 @@ class Player {
         return camera;
     }
 
-    // Words over the pictures.
+    // Texts over the views: captions and scales of close-ups, magnification, names of cases.
     label(robot, close) {
         const key = JSON.stringify([robot, close.map(r => [r.x, r.y, r.w, r.h, r.view.owner.index, r.view.joint.name])]);
         const anew = key !== this.labelled;
@@ -375,12 +375,12 @@ class Player {
         requestAnimationFrame(later => this.tick(later));
     }
 
-    // Play on by `passed` seconds of viewing.
+    // Advance by `passed` seconds of viewing, more slowly around strong impacts if asked.
     advance(passed) {
         let t = this.t, left = passed;
         const strong = this.slowAtImpacts ? this.impacts.filter(hit => hit.force >= STRONG * this.strongest) : [];
         while (left > 1e-9) {
-            // The next moment at which the speed changes.
+            // Up to the next time at which the speed changes.
             let speed = this.speed, until = Infinity;
             for (const hit of strong) {
                 const from = hit.t - IMPACT_WINDOW[0], to = hit.t + IMPACT_WINDOW[1];
@@ -406,7 +406,7 @@ class Player {
         this.show(Math.min(Math.max(t, this.start), this.end));
     }
 
-    // Show time t; forces of the time since `held`.
+    // Show time t, and forces as the largest since the time `held`.
     show(t, held = t) {
         const began = performance.now();
         this.t = t;
@@ -420,7 +420,7 @@ class Player {
 
     refresh() { this.show(this.t); }
 
-    // What the ellipsoids are, in numbers.
+    // The static error in numbers, for the legend.
     showError() {
         const lines = this.cases.filter(c => c.error && c.visible).map(c =>
             `${this.cases.length > 1 ? `${c.label}: ` : ""}worst case ${inUnits(c.error.worst, "m")}, `
@@ -429,7 +429,7 @@ class Player {
         if ($("error-is").textContent !== text) $("error-is").textContent = text;
     }
 
-    // What is seen first: the hardest impact, or the largest deviation from the twin. Play begins at the start.
+    // Begin at the hardest impact, or else at the largest deviation from the twin. Play begins at the start.
     open() {
         const hit = this.impacts.find(one => one.force === this.strongest);
         const most = Math.max(0, ...this.cases.filter(c => c.ideal).map(c => c.largestDeviation()));
@@ -440,13 +440,13 @@ class Player {
         this.fresh = true;
     }
 
-    // The bar takes the height it needs; the canvas ends above it.
+    // Give the bar the height it needs; the canvas ends above it.
     fit() {
         document.documentElement.style.setProperty("--footer", `${$("player").offsetHeight}px`);
         this.viewer.set_3d_pane_size();
     }
 
-    // So much that the largest deviation of a tool is seen at first sight.
+    // The factor by which deviations are magnified first: the largest one of a tool is then visible.
     firstDeviation() {
         const largest = Math.max(0, ...this.cases.filter(c => c.ideal).map(c => c.largestDeviation()));
         if (!largest) return 1;
@@ -488,7 +488,7 @@ class Player {
             + `${inUnits(ahead.force, "N")} at ${ahead.t.toFixed(5)} s, ${ahead.label}`;
     }
 
-    // What was asked for, or what shows the play of this joint in every case.
+    // The magnification asked for, or one that suits the joint in every case.
     magnificationOf(name) {
         const own = this.cases.flatMap(c => c.entry.joints).filter(j => j.name === name).map(j => j.magnification);
         return this.contents.magnification || (own.length ? Math.min(...own) : 1);
@@ -513,7 +513,7 @@ class Player {
         $("cursor").style.left = `${100 * part}%`;
     }
 
-    // What the timeline can show: names, units, and a value for each record of a case.
+    // Signals of the timeline by name: unit, and a function that gives a case's value in each record.
     makeSignals() {
         const signals = {};
         for (const name of this.contents.joints) {
@@ -535,7 +535,7 @@ class Player {
         return signals;
     }
 
-    // Of a case, the smallest and the largest value that the line of a signal takes in each column of pixels.
+    // Smallest and largest value of a case's signal, as a line through its records, in each column of pixels.
     envelope(c, value, xOf, w) {
         const low = new Float32Array(w + 1).fill(Infinity), high = new Float32Array(w + 1).fill(-Infinity);
         let before = null, at = 0;
@@ -554,7 +554,7 @@ class Player {
         return {low, high};
     }
 
-    // The chosen signal over time, between its smallest and its largest value; ticks at impacts.
+    // Draw the chosen signal over time, between its smallest and its largest value, with ticks at impacts.
     drawTimeline() {
         const canvas = $("timeline"), ratio = window.devicePixelRatio || 1;
         const w = canvas.clientWidth, h = canvas.clientHeight;
@@ -577,7 +577,7 @@ class Player {
         const least = all.length ? all[0] : 0, most = all.length ? all[all.length - 1] : 0;
         const middle = all.length ? all[all.length >> 1] : 0;
         const flat = most - least <= CONSTANT * Math.max(Math.abs(most), Math.abs(least));
-        // Where impacts tower over all else, smaller values are raised.
+        // Where peaks tower over the rest, a square-root scale raises small values.
         const peaky = !flat && middle - least < PEAKY * (most - least);
         const part = value => flat ? 0.5 : peaky ? Math.sqrt((value - least) / (most - least)) : (value - least) / (most - least);
         const top = 9, foot = 4, yOf = value => h - foot - (h - top - foot) * part(value);
@@ -605,7 +605,7 @@ class Player {
         canvas.setAttribute("aria-label", `${canvas.title}. Click or drag to go to a time.`);
     }
 
-    // ---- keeping what is seen ------------------------------------------------------------------
+    // ---- pictures and films --------------------------------------------------------------------
 
     save(blob, name) {
         const link = element("a", {href: URL.createObjectURL(blob), download: name});
@@ -616,13 +616,13 @@ class Player {
     canvas() { return this.viewer.renderer.domElement; }
 
     keepPicture() {
-        this.render();  // in the same task: later the drawing buffer is empty
+        this.render();  // in this task: after it the drawing buffer is empty
         this.canvas().toBlob(blob => this.save(blob, `${document.title}.png`), "image/png");
     }
 
     keepFilm() {
         if (this.recorder) { this.recorder.stop(); return; }
-        if (!window.MediaRecorder) { $("status").textContent = "this browser keeps no films"; return; }
+        if (!window.MediaRecorder) { $("status").textContent = "this browser cannot record films"; return; }
         const chunks = [], recorder = new MediaRecorder(this.canvas().captureStream(30), {mimeType: "video/webm"});
         recorder.ondataavailable = event => chunks.push(event.data);
         recorder.onstop = () => {
@@ -637,8 +637,8 @@ class Player {
         this.setPlaying(true);
     }
 
-    // What is seen and no controls, for who takes frames from outside: movie.py. A signal is drawn below
-    // the picture; returns the names of those that can be, without changing anything if this is none of them.
+    // Hide the controls, for movie.py, which takes frames from outside. A `signal` is drawn below the picture.
+    // Returns the names of all signals; if `signal` is none of them, nothing is changed.
     async bare(layout, joint, signal) {
         const names = Object.keys(this.signals);
         if (signal && !names.includes(signal)) return names;
@@ -646,7 +646,7 @@ class Player {
         document.body.classList.toggle("with-signal", Boolean(signal));
         if (signal) {
             $("signal").value = signal;
-            $("signal-now").textContent = this.signalNow();  // now, for it takes a line
+            $("signal-now").textContent = this.signalNow();  // before the layout, which needs its height
         }
         this.sidebar = false;
         if (joint) this.setJoint(joint);
@@ -654,12 +654,12 @@ class Player {
         this.fit();
         this.drawTimeline();
         this.cameraPreset("robot");
-        // What observes sizes has been called after two frames of the screen; it empties the canvas.
+        // Observers of sizes, which empty the canvas, have been called after two frames of the screen.
         for (let k = 0; k < 2; k++) await new Promise(done => requestAnimationFrame(done));
         return names;
     }
 
-    // The value that the timeline's signal has now in each case that has it.
+    // The timeline's signal now, in each case that has it.
     signalNow() {
         const name = $("signal").value, {unit, of} = this.signals[name];
         const parts = this.cases.filter(c => c.visible && of(c)).map(c => {
@@ -669,7 +669,7 @@ class Player {
         return `${name} ${parts.join(", ")}`;
     }
 
-    // The frame of time t: drawn when this returns. Forces are the largest of the last `span` seconds.
+    // Draw the frame of time t before this returns. Forces are the largest of the last `span` seconds.
     frame(t, span, caption) {
         this.playing = span > 0;
         this.show(t, Math.max(t - span, this.start));

@@ -1,15 +1,15 @@
-// The close-up of a rolling bearing: outer ring cut open, inner ring, elements going around with the
-// cage, each with its load. What lies between surfaces is magnified as in other close-ups: an element
-// is drawn halfway between both rings, wherever it is free.
+// The close-up of a rolling bearing: outer ring cut open, inner ring, elements that go around with the
+// cage, each with a bar for its load. Gaps and displacements are magnified as in other close-ups; free
+// elements are drawn halfway between the rings.
 
 const NO_LOAD = 0x9fb0bd, SOME_LOAD = 0xf2b134, FULL_LOAD = 0xc8244c;
-const LONGEST_BAR = 1.6;   // of the largest load of the run, in diameters of an element
-const DEEP = 0.38;         // how far the rings' shoulders are from the pitch circle, in diameters
-const OPEN = 0.12;         // the same of the lips between which crossed rollers lie
+const LONGEST_BAR = 1.6;   // bar of the run's largest load, in diameters of an element
+const DEEP = 0.38;         // distance of the rings' shoulders from the pitch circle, in diameters
+const OPEN = 0.12;         // distance of the lips between which crossed rollers lie, in diameters
 const HALF_GROOVE = 0.47;  // half width of a groove, in diameters
-const LIFT = 0.3;          // rad: rings are looked at from further above than journals
+const LIFT = 0.3;          // rad: rings are seen from further above than journals
 
-// Section of one ring, material to one side: points (radius, place along the axis).
+// Section of a row of one ring: points (radius, place along the axis), around the material.
 function sectionOf(e, [h, y], outer, M) {
     const room = M * e.room, way = Math.sign(y);
     const D = e.diameter, w = e.width / 2, side = outer ? 1 : -1, middle = e.pitch + (outer ? room : 0);
@@ -24,7 +24,7 @@ function sectionOf(e, [h, y], outer, M) {
     } else {
         // The shoulder that bears no load is cut down where balls push to one side.
         const shoulder = z => way && Math.sign(z) === -side * way ? 0.47 * D : DEEP * D;
-        // What the groove is wider than the ball is magnified, too, as far as it still looks like one.
+        // The groove's radius in excess of the ball's is magnified, too, but kept below 0.75 D.
         const radius = Math.min(0.5 * D + M * (e.groove - 0.5) * D, 0.75 * D);
         const c = Math.cos(e.angle), s = way * Math.sin(e.angle), inward = D / 2 - radius;
         const steps = 16, at = z => {
@@ -45,7 +45,7 @@ function sectionOf(e, [h, y], outer, M) {
     return [[back, low], ...race, [back, high], [back, low]];
 }
 
-// A ring of this section about z; half of it, that towards +y, if `cut`.
+// A ring of this section about z, or the half towards +y if `cut`.
 function ringOf(section, cut) {
     const points = section.map(([r, z]) => new THREE.Vector2(r, z));
     const ring = new THREE.LatheGeometry(points, cut ? 64 : 128, cut ? Math.PI / 2 : 0, cut ? Math.PI : 2 * Math.PI);
@@ -98,7 +98,7 @@ class RollingCloseUp extends CloseUp {
                     for (const k of [i - 1, i]) lines.push([side * section[k][0], 0, section[k][1]]);
                 }
             }
-            // The ring's corners, along its half.
+            // Lines along the ring's corners.
             for (const k of [0, 1, section.length - 3, section.length - 2]) {
                 for (let i = 0; i < 64; i++) {
                     for (const j of [i, i + 1]) {
@@ -130,10 +130,10 @@ class RollingCloseUp extends CloseUp {
 
     get longest() { return 1.5 * LONGEST_BAR * this.elements.diameter; }
 
-    // Arrows end where the ring's push enters the element.
+    // Arrows end a diameter before the contact with the inner ring: where the push enters the element.
     get reach() { return this.elements.diameter; }
 
-    // Element k now: load [N].
+    // Load of element k now [N].
     loadNow(k) {
         const {values, columns} = this.joint.loads, {a, b, share} = this.owner.place;
         return values[a * columns + k] * (1 - share) + values[b * columns + k] * share;
@@ -154,7 +154,7 @@ class RollingCloseUp extends CloseUp {
             for (let i = 0; i < e.count; i++) {
                 const k = row * e.count + i, angle = turn + 2 * Math.PI * i / e.count;
                 const cos = Math.cos(angle), sin = Math.sin(angle);
-                // Half of what the ring does there: c.tilt is magnified already, c.away is not.
+                // Half of the inner ring's displacement there; c.tilt is magnified already, c.away is not.
                 r.at.set(e.pitch * cos, e.pitch * sin, h);
                 r.move.copy(c.tilt).cross(r.at).addScaledVector(c.away, M);
                 const out = r.move.x * cos + r.move.y * sin, up = r.move.z;
@@ -187,7 +187,7 @@ class RollingCloseUp extends CloseUp {
         }
     }
 
-    // Words for what is seen.
+    // Texts: mode, forces, scales.
     mode() {
         const number = this.joint.loads.columns, loaded = this.loadedNow();
         const what = this.elements.rollers ? "rollers" : "balls";

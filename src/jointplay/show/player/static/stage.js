@@ -1,16 +1,17 @@
-// What is seen of the robots: bodies, ideal twins, traces, markers of joints, forces.
+// Robots as three.js objects: bodies, ideal twins, traces, rings at joints, forces, static error sets.
 
-// MODES, what a joint's modes are called and how they are coloured, come from pages.py.
+// pages.py defines MODES: names and colours of a joint's modes.
 
 const FORCE = 0xd9820a;
 const GHOST = 0x00897b;
 const FRICTION = 0x2e7d32;
 const ERROR = 0x7b1fa2;
-const MOST_EDGES = 2500;  // triangles of a surface whose outline is still drawn for its twin: finer ones would be all lines
+const MOST_EDGES = 2500;  // most triangles of a twin's surface that is outlined: finer ones would be all lines
 
-const CREASE = Math.cos(35 * Math.PI / 180);  // neighbours that turn further make an edge
+const CREASE = Math.cos(35 * Math.PI / 180);  // triangles whose normals differ by more meet in an edge
 
-// A packed surface: smooth, but for its edges.
+// A packed surface as a geometry, shaded smoothly but for its edges: a corner's normal is the mean, weighted
+// by area, of those of the triangles around it that are within the crease angle.
 function surfaceOf(block, entry) {
     const points = unpack(block, entry.points).values, corners = unpackMesh(block, entry.triangles);
     const faces = corners.length / 3, whole = new Float32Array(corners.length), unit = new Float32Array(corners.length);
@@ -27,7 +28,7 @@ function surfaceOf(block, entry) {
     for (let i = 1; i < around.length; i++) around[i] += around[i - 1];
     const next = around.slice(), touching = new Uint32Array(corners.length);
     for (let i = 0; i < corners.length; i++) touching[next[corners[i]]++] = Math.floor(i / 3);
-    // Corners with the same point and normal are one vertex: all else would be computed for each triangle.
+    // Corners with the same point and normal share a vertex, so that the graphics card computes it once.
     const positions = [], normals = [], index = new Uint32Array(corners.length);
     const latest = new Int32Array(points.length / 3).fill(-1), earlier = [];  // vertices at each point
     for (let i = 0; i < corners.length; i++) {
@@ -64,7 +65,7 @@ function nodeAt(viewer, path) {
     return node;
 }
 
-// A mesh that is solid where it is seen, and shines through faintly where something hides it.
+// A mesh that is solid where it is visible, and shines through faintly where something hides it.
 function seenThrough(geometry, colour) {
     const solid = new THREE.Mesh(geometry, new THREE.MeshBasicMaterial({color: colour}));
     const faint = new THREE.Mesh(geometry, new THREE.MeshBasicMaterial(
@@ -78,7 +79,7 @@ function paint(mesh, colour) {
     mesh.traverse(part => { if (part.material) part.material.color.setHex(colour); });
 }
 
-// An arrow along +z of length 1, to be scaled.
+// An arrow along +z of length 1, with a second head, for `aimArrow` to scale.
 function makeArrow(colour) {
     const arrow = new THREE.Group();
     const head = new THREE.ConeGeometry(2.6, 1, 16).rotateX(Math.PI / 2);
@@ -88,8 +89,8 @@ function makeArrow(colour) {
     return arrow;
 }
 
-// Aim an arrow: from `tail`, along `force`, so long and so thick. One longer than `most` is cut, and
-// has a second head to say so.
+// Aim an arrow from `tail` along `force`, `wanted` long. One longer than `most` is cut to that, and has a
+// second head to say so.
 const UP = new THREE.Vector3(0, 0, 1);
 function aimArrow(arrow, tail, force, wanted, most, thickness) {
     arrow.visible = wanted > 0.5 * thickness;
@@ -108,7 +109,7 @@ function aimArrow(arrow, tail, force, wanted, most, thickness) {
     arrow.quaternion.setFromUnitVectors(UP, force.clone().normalize());
 }
 
-// A body's twin: translucent, outlined.
+// A body of the ideal twin: translucent, outlined.
 function ghostOf(object) {
     const twin = object.clone();
     const triangles = (twin.geometry.index || twin.geometry.attributes.position).count / 3;
@@ -124,7 +125,7 @@ function ghostOf(object) {
     return twin;
 }
 
-// One case: tracks, and the objects that they move.
+// A case: its tracks, and the objects that they move.
 class Case {
     constructor(viewer, block, entry, index, surfaces) {
         Object.assign(this, {viewer, index, label: entry.label, visible: true});
@@ -136,7 +137,7 @@ class Case {
         if (entry.error) this.makeError(item => unpack(block, item));
     }
 
-    // Tracks, and what they draw.
+    // Take tracks, and make the objects that belong to them. The live page does so for each new run.
     take(block, entry) {
         Object.assign(this, {block, entry});
         const table = item => unpack(block, item);
@@ -151,7 +152,7 @@ class Case {
         this.joints = entry.joints.map(joint => this.makeJoint(joint, table));
     }
 
-    // Bodies and their twins: node, link, constant matrix, whether a twin.
+    // Bodies and their twins: node, number of the link, placement on it, whether it is a twin's.
     makeBodies(surfaces) {
         const {viewer, entry} = this, own = `case${this.index}`;
         const bodies = [];
@@ -179,7 +180,7 @@ class Case {
         const set = new THREE.Group();
         const skin = new THREE.Mesh(new THREE.SphereGeometry(1, 48, 32), new THREE.MeshLambertMaterial(
             {color: ERROR, transparent: true, opacity: 0.25, depthTest: false, depthWrite: false}));
-        skin.renderOrder = 9;  // seen through what stands before it
+        skin.renderOrder = 9;  // after the bodies, through which it stays visible
         set.add(skin);
         for (const [a, b] of [["x", "y"], ["y", "z"], ["z", "x"]]) {
             const points = Array.from({length: 65}, (_, i) => {
@@ -198,7 +199,7 @@ class Case {
         this.error.node = nodeAt(this.viewer, path);
     }
 
-    // Numbers of the set at time t: six of the matrix, worst case and RMS [m].
+    // The static error set at time t: six entries of its matrix, worst case and RMS [m].
     errorAt(t) {
         const {time, set} = this.error, {a, b, share} = between(time, t);
         return Array.from({length: set.columns}, (_, k) =>
@@ -238,7 +239,7 @@ class Case {
         return {picked, lines};
     }
 
-    // Draw the traces with deviations from the ideal twin magnified.
+    // Draw the tool's paths, with deviations from the ideal twin magnified.
     drawTraces(deviation) {
         for (const {name, line} of this.traces.lines) {
             const positions = line.geometry.attributes.position;
@@ -254,7 +255,7 @@ class Case {
         }
     }
 
-    // Distance of the tool from its twin's in a record, m.
+    // Distance of the tool from the twin's tool in a record, m.
     deviationAt(row) {
         const real = this.tool.values, ideal = this.idealTool.values, at = 3 * row;
         return Math.hypot(real[at] - ideal[at], real[at + 1] - ideal[at + 1], real[at + 2] - ideal[at + 2]);
@@ -286,14 +287,14 @@ class Case {
         const path = ["meshcat", `case${this.index}`, "joints", entry.name];
         this.viewer.set_object([...path, "mode"], ring);
         joint.ringNode = nodeAt(this.viewer, [...path, "mode"]);
-        ring.visible = entry.marked;  // hinges of flexible links are not
+        ring.visible = entry.marked;  // hinges of flexible links are not marked
         joint.ring = ring;
         joint.arrow = makeArrow(FORCE);
         this.viewer.set_object([...path, "force"], joint.arrow);
         return joint;
     }
 
-    // Put everything where it is at time t. `held`: the time from which forces still show.
+    // Move everything to time t. Forces are the largest since the time `held`.
     update(t, held, view) {
         const place = between(this.time, t);
         this.place = place;
@@ -308,7 +309,8 @@ class Case {
                 idealMatrices[link].compose(g, h, Case.one);
             }
             matrices[link].compose(p, q, Case.one);
-            // The displacement of every point is magnified, so bodies stay joined, but are sheared.
+            // The displacement of every point is magnified (matrices are extrapolated), so that bodies
+            // stay connected at joints; they are sheared a little.
             if (this.ideal && view.deviation !== 1) {
                 const real = matrices[link].elements, ideal = idealMatrices[link].elements;
                 for (let k = 0; k < 16; k++) real[k] = ideal[k] + view.deviation * (real[k] - ideal[k]);
@@ -332,7 +334,7 @@ class Case {
         const from = rowAt(this.time, held), to = this.place.b;
         let top = to;
         for (let row = from; row < to; row++) if (joint.size[row] > joint.size[top]) top = row;
-        // A peak may have come and gone between two records: while it lasted, bodies penetrated.
+        // A peak may have come and gone between two records: its mode was contact, not the recorded one.
         const mode = joint.size[top] > 0 ? joint.mode.values[top] || 2 : joint.mode.values[to];
         Object.assign(joint, {from, to, top, modeNow: mode, force_N: joint.size[top]});
         const matrix = joint.ringNode.matrix;

@@ -1,6 +1,6 @@
-// Tracks: tables of numbers over the moments that are played, and where in them a time lies.
+// Tracks: tables of numbers over the moments that are played, and interpolation in them.
 
-// A block of bytes, decompressed; in pages it is base64, in answers of a server it is as it is.
+// A compressed block of bytes, inflated; it is base64 in pages, bytes in a server's answers.
 async function inflate(block) {
     const packed = typeof block === "string" ? Uint8Array.from(atob(block), one => one.charCodeAt(0)) : block;
     const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("deflate"));
@@ -25,19 +25,19 @@ function unpack(block, entry, type = Float32Array) {
     return {rows, columns, values};
 }
 
-// Numbers of points (three a triangle) that Packer.mesh in tracks.py packed.
+// Points' numbers (three a triangle) that Packer.mesh in tracks.py packed.
 function unpackMesh(block, {at, numbers}) {
     const planes = [0, 1, 2, 3].map(k => block.subarray(at + k * numbers, at + (k + 1) * numbers));
-    const found = new Uint32Array(numbers);
+    const corners = new Uint32Array(numbers);
     for (let i = 0, fresh = 0; i < numbers; i++) {
         const behind = planes[0][i] + planes[1][i] * 2 ** 8 + planes[2][i] * 2 ** 16 + planes[3][i] * 2 ** 24;
-        found[i] = fresh - behind;
+        corners[i] = fresh - behind;
         if (!behind) fresh++;
     }
-    return found;
+    return corners;
 }
 
-// First row whose time is not before t; the last one if there is none.
+// The first row whose time is not before t, or the last row.
 function rowAt(time, t) {
     let low = 0, high = time.length - 1;
     while (low < high) {
@@ -47,7 +47,7 @@ function rowAt(time, t) {
     return low;
 }
 
-// Where t lies: rows a and b, and the share of b.
+// The rows a and b around t, and the weight of b.
 function between(time, t) {
     const b = rowAt(time, t), a = Math.max(b - 1, 0);
     const span = time[b] - time[a];
@@ -73,16 +73,16 @@ function turnAt(table, place, from, out) {
         values[a + 3] + s * (values[b + 3] - values[a + 3])).normalize();
 }
 
-// Euclidean norms of the vectors in a table of n x 3m numbers: m each row.
+// Norms of the vectors in a table of n rows with m vectors each, n m of them.
 function norms(table) {
-    const found = new Float32Array(table.values.length / 3);
-    for (let i = 0; i < found.length; i++) {
-        found[i] = Math.hypot(table.values[3 * i], table.values[3 * i + 1], table.values[3 * i + 2]);
+    const sizes = new Float32Array(table.values.length / 3);
+    for (let i = 0; i < sizes.length; i++) {
+        sizes[i] = Math.hypot(table.values[3 * i], table.values[3 * i + 1], table.values[3 * i + 2]);
     }
-    return found;
+    return sizes;
 }
 
-// Largest number <= x of the series 1, 2, 5, 10, ...
+// The largest round number (1, 2, 5, 10, ...) that is no larger than x.
 function nice(x) {
     const power = 10 ** Math.floor(Math.log10(x));
     return power * [5, 2, 1].find(step => step * power <= x * 1.0001);

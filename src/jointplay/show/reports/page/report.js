@@ -1,12 +1,12 @@
 "use strict";
 (() => {
-  const PIXELS = 2400; // bars and dots closer than this part of a chart would share a pixel
-  const SINGLE = 400; // fewer points than this in view are marked one by one
+  const PIXELS = 2400; // widest chart: bars closer than this part of it would share a pixel
+  const SINGLE = 400; // most points in view that are marked one by one
   const page = JSON.parse(document.getElementById("charts").textContent);
   const state = { range: null, whole: false };
   window.jointplayReport = state;
 
-  // Series of charts.py: differences of bit patterns, bytes of equal weight together.
+  // A series as charts.py packed it: differences of bit patterns, bytes of equal weight together.
   let block = null;
   const cache = new Map();
   function series({ at, bytes }, kind = Float32Array) {
@@ -24,7 +24,7 @@
 
   const view = () => state.range || [0, page.end];
 
-  // What is in view of a series over time or of a curve, and one point beyond each end.
+  // The points in view of a curve over time, or of one in a plane by its times, and one beyond each end.
   function points(trace) {
     const steps = series(trace.t, Uint32Array), [from, to] = view();
     const first = Math.max(0, rowAt(steps, from / trace.dt) - 1), end = rowAt(steps, to / trace.dt) + 1;
@@ -34,7 +34,7 @@
     return { x: series(trace.x).subarray(first, end), y, texts: times.map((t) => `t = ${t.toPrecision(7)} s`) };
   }
 
-  // Bars of a timeline in view; bars that would share a pixel are one.
+  // The bars of a timeline in view; those that would share a pixel are joined.
   function bars(trace) {
     const from = series(trace.from, Uint32Array), to = series(trace.to, Uint32Array), dt = trace.dt;
     const [left, right] = view(), pixel = (right - left) / PIXELS;
@@ -52,7 +52,7 @@
     return given === "black" ? "var(--ink)" : `light-dark(${given}, color-mix(in srgb, ${given} 70%, white))`;
   }
 
-  // A series as chart.js draws it.
+  // A trace of charts.py as a series of chart.js.
   function drawn(trace, panel) {
     const look = { name: trace.name || panel.title, colour: tone(trace.color), dash: trace.dash, frame: trace.frame };
     if (trace.from) return { ...look, ...bars(trace) };
@@ -61,15 +61,15 @@
     return { ...look, ...shown, ...(trace.t && shown.x.length <= SINGLE ? { dots: 4 } : {}) };
   }
 
-  // The panels of a chart in their boxes, and how high all are.
+  // The panels of a chart in their boxes, and the height of the chart.
   function build({ chart, zoom, hidden }, wide) {
     const { time, stacked, same, panels } = chart, count = panels.length;
     const columns = stacked ? 1 : Math.min(count, wide < 420 ? 1 : wide < 900 ? 2 : 3); // side by side
     const across = wide / columns, named = panels.flatMap((panel) => panel.y.rows || []);
     const rowHigh = named.length ? 40 + 20 * Math.max(...panels.map((panel) => panel.y.rows.length)) : stacked ? (count > 4 ? 150 : 175) : Math.min(400, across);
-    const left = named.length ? 16 + 6.2 * Math.max(...named.join("\n").split("\n").map((one) => one.length)) : 66;
+    const left = named.length ? 16 + 6.2 * Math.max(...named.join("\n").split("\n").map((line) => line.length)) : 66;
     const above = panels.some((panel) => panel.title) ? 22 : 8;
-    const made = panels.map((panel, i) => {
+    const placed = panels.map((panel, i) => {
       const row = Math.floor(i / columns), edge = (i % columns) * across, last = !stacked || i === count - 1;
       const top = row * (rowHigh + (stacked ? 0 : 36)) + above, own = zoom[same ? 0 : i] || {};
       const box = { edge, left: edge + left, right: edge + across - 14, top, bottom: top + rowHigh - above };
@@ -77,23 +77,23 @@
         range: time ? view() : stacked ? zoom.x : own.x };
       const every = panel.traces.map((trace) => drawn(trace, panel));
       return { ...panel, box, x, y: { ...panel.y, range: own.y }, every,
-        series: every.filter((one) => !hidden.has(one.name)) };
+        series: every.filter((curve) => !hidden.has(curve.name)) };
     });
-    const union = (key) => {
-      const shown = made.filter((panel) => !panel[key].log || panel.series.some((one) => one.x.length));
+    const union = (key) => { // one range for all panels; on a logarithmic axis those without data have none
+      const shown = placed.filter((panel) => !panel[key].log || panel.series.some((curve) => curve.x.length));
       const all = shown.flatMap((panel) => rangeOf(panel[key], panel.series, key));
       for (const panel of shown) panel[key].range ||= [Math.min(...all), Math.max(...all)];
     };
     if (same) union("y");
     if (stacked && !time) union("x");
-    return [made, Math.ceil(count / columns) * (rowHigh + (stacked ? 0 : 36)) + (stacked ? 38 : 4)];
+    return [placed, Math.ceil(count / columns) * (rowHigh + (stacked ? 0 : 36)) + (stacked ? 38 : 4)];
   }
 
   const hosts = new Map(); // host element -> {chart, stale, zoom, hidden, drawing}
 
   function draw(host) {
     const entry = hosts.get(host), wide = host.clientWidth;
-    if (!wide) return; // it has no place yet
+    if (!wide) return; // it is not laid out yet
     Object.assign(entry, { stale: false, wide });
     const [panels, high] = build(entry, wide);
     entry.drawing.svg.style.height = `${high}px`;
@@ -104,11 +104,11 @@
     };
     const save = element("button", { type: "button", class: "save", onclick: () => entry.drawing.file(entry.chart.title) }, "save as SVG");
     const named = entry.chart.panels.flatMap((panel, i) => panel.traces.map((trace, k) => trace.name ? panels[i].every[k] : { frame: true }));
-    entry.drawing.showKey(new Set(named.map((one) => one.name)).size > 1 ? named : [], toggle, entry.hidden, [save]);
+    entry.drawing.showKey(new Set(named.map((curve) => curve.name)).size > 1 ? named : [], toggle, entry.hidden, [save]);
     host.plots = entry.drawing.plots;
   }
 
-  // Drag to zoom, in time in all charts; with the shift key to move; double-click to go back.
+  // Dragging zooms (time in all charts at once), with the shift key it moves; a double click goes back.
   function zooming(host) {
     const entry = hosts.get(host), { svg } = entry.drawing, { time, stacked, same } = entry.chart;
     let from = null, frame = null;
@@ -153,7 +153,7 @@
     });
   }
 
-  function beforePrint() { // tables, but not the text of the robot
+  function beforePrint() { // unfold tables, but not the robot's source
     const folded = [...document.querySelectorAll("details:not([open], :has(> pre))")];
     for (const details of folded) details.open = true;
     for (const [host, entry] of hosts) if (entry.stale) draw(host);
@@ -173,7 +173,7 @@
   }
   state.show = show;
 
-  function refresh() { // what is folded, once it is unfolded or printed
+  function refresh() { // draw what is stale and visible; folded charts are drawn once they are unfolded
     for (const [host, entry] of hosts) if (entry.stale && host.checkVisibility()) draw(host);
     state.whole = true;
   }
