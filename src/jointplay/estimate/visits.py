@@ -66,7 +66,8 @@ _INTERVAL_RECORDS = 8
 """Records over which the interval between records is taken: a whole number of rounds of one, two or
 four instruments."""
 MOST_PATH = 4000
-"""Number of points to which the motors' paths are thinned, for the time that it takes (judged)."""
+"""Number of points to which the motors' paths are thinned, for the time that it takes (judged: with
+8000 nothing changes for these 11 machines; with 2000 one hysteresis is not told)."""
 _SMALLEST_MOTION = 1e-6
 """Smallest motion that counts [rad or m]: a turn in 6 million steps, as 22 bits resolve. Simulated
 machines, whose records have no scatter, settle by less."""
