@@ -33,7 +33,7 @@ from jointplay.model.elements import (
 from jointplay.model.inertias import tensor_of
 from jointplay.model.loop import Loop
 from jointplay.model.urdf import Description, read_again
-from jointplay.physics.joints import Clearance, hinge_of_beam
+from jointplay.physics.joints import Clearance, CompliantMount, Elasticity
 
 HINGE, TIP = "_hinge_", "_tip"
 """Appended to a link's name: its hinges, with a number behind, and the frame at its end."""
@@ -253,7 +253,7 @@ def _shape(tag: str, flexible: FlexibleLink, place: pin.SE3, length: float) -> E
 
 
 def _hinge(flexible: FlexibleLink, stretch: float, length: float) -> Clearance:
-    """Hinge with the stiffness and damping of one stretch of the beam.
+    """Hinge with the stiffness and damping of one stretch of the beam, z along it.
 
     Where shear stiffness is not known, translations get that of a beam in bending (12 EI / h^3).
     """
@@ -262,7 +262,9 @@ def _hinge(flexible: FlexibleLink, stretch: float, length: float) -> Clearance:
     stiffness = np.array([*across, beam.axial, *beam.bending, beam.torsion]) / stretch
     locked = ("z",) if flexible.shear else ("x", "y", "z")
     locked = locked if flexible.torsion else (*locked, "yaw")
-    return hinge_of_beam(stiffness, flexible.damping_time(length), locked)
+    damping_time = flexible.damping_time(length)
+    springs = Elasticity(matrix=np.diag(stiffness).tolist(), damping_time=damping_time)
+    return CompliantMount(elasticity=springs, locked=locked)
 
 
 def _moved(
