@@ -9,8 +9,7 @@ harmonic of what a gap makes of a sine; it is derived here, and tested by integr
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import closing, contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -26,7 +25,7 @@ from jointplay.simulation.loads import Controller, Servo
 from jointplay.simulation.simulation import Simulation
 from jointplay.study.courses import run_key
 from jointplay.study.released import UNITS, Axis, Released, released
-from jointplay.study.runs import Arrays, Runs
+from jointplay.study.runs import Arrays, store_in
 from jointplay.study.study import Memory, Study
 from jointplay.study.swings import DIVERGES, LONGEST_S, QUIET, Swing, Trial, swings
 
@@ -163,16 +162,6 @@ def _swings_of(arrays: Arrays) -> list[Swing]:
         Swing(bool(hunts), float(amplitude), float(frequency), float(twist), bool(unclear))
         for hunts, amplitude, frequency, twist, unclear in arrays["swings"]
     ]
-
-
-@contextmanager
-def store_in(path: Path | None) -> Iterator[Memory[Arrays]]:
-    """Store of trials: the file `path`, whose trials are not run again; None: memory."""
-    if path is None:
-        yield Memory[Arrays]()
-        return
-    with closing(Runs(path, {})) as store:
-        yield store
 
 
 @dataclass(frozen=True)
