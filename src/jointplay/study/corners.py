@@ -37,7 +37,7 @@ from jointplay.simulation.analysis.twins import TOOL_MOTIONS, ideal_simulation, 
 from jointplay.simulation.loads.drive import JointFriction, Prescribed, assign
 from jointplay.simulation.prepare import joint_friction
 from jointplay.simulation.simulation import Simulation
-from jointplay.study.study import Study
+from jointplay.study.study import Memory, Study
 
 if TYPE_CHECKING:
     from jointplay.accuracy.allocation import Correction
@@ -289,24 +289,26 @@ def judge(
     choices = [_limits(name, limit) for name, limit in trust.items() if name in quantities]
     combinations = map(_combined, product(*choices) if choices else ())
     variants: list[Variant] = [("as modelled", {}), *combinations]
-    rule = bool(firmware_rule(simulation, compensation.times).any())
-    by_key: dict[int, ToolErrors] = {}
-    plan: list[Trial] = [(compensation, c, motion) for _, c in variants for motion in MOTIONS]
-    plan += [(compensation, {}, "firmware")] * rule
-    complete = True
+    plan: dict[tuple[str, str], Trial] = {
+        (label, motion): (compensation, changes, motion)
+        for label, changes in variants
+        for motion in MOTIONS
+    }
+    if firmware_rule(simulation, compensation.times).any():
+        plan["", "firmware"] = compensation, {}, "firmware"
+    errors, complete = Memory[ToolErrors](), True
     try:
-        for key, errors in Study(plan, _errors).outcomes(jobs, progress, desc="both motions"):
-            by_key[key] = errors
+        Study(plan, _errors, errors).run(jobs, progress, desc="both motions")
     except KeyboardInterrupt:
         complete = False
     corners = [
-        Corner(label, changes, by_key[2 * k], by_key[2 * k + 1])
-        for k, (label, changes) in enumerate(variants)
-        if 2 * k in by_key and 2 * k + 1 in by_key
+        Corner(label, changes, *(errors[label, motion] for motion in MOTIONS))
+        for label, changes in variants
+        if all((label, motion) in errors for motion in MOTIONS)
     ]
     if not corners:
         raise KeyboardInterrupt
-    firmware = by_key.get(2 * len(variants))
+    firmware = errors.get(("", "firmware"))
     return Judgement(compensation, tuple(corners), firmware, left_out, complete)
 
 
