@@ -122,9 +122,7 @@ def growths(
     return logarithms
 
 
-def stretching(
-    simulation: Simulation, interval: float, prepare: Callable[[Run], None] | None = None
-) -> np.ndarray:
+def stretching(simulation: Simulation, interval: float) -> np.ndarray:
     """Logarithm of the growth of the distance between two runs in each interval, (intervals,).
 
     After each interval the second run is put back to the distance `APART` from the first, and the
@@ -134,7 +132,6 @@ def stretching(
     Args:
         simulation: the simulation, run to its end.
         interval: length of an interval, a whole number of steps [s].
-        prepare: changes the state of each run before it begins.
 
     Raises:
         JointplayError: a run failed, or the base is free.
@@ -142,8 +139,6 @@ def stretching(
     check_base(simulation.mechanism)
     runs = [Run(simulation) for _ in range(2)]
     for run in runs:
-        if prepare is not None:
-            prepare(run)
         run.begin()
     first, second = (run.workspace for run in runs)
     scale, free = _weights(runs[0])

@@ -61,12 +61,9 @@ def turn(motion: Motion | None) -> float:
 
 def check_turns(leave_out: int, keep: int, records: int) -> None:
     """Raise a JointplayError if a number of turns, or of records in a turn, is out of range."""
-    for option, value, minimum in (
-        ("leave-out", leave_out, 0),
-        ("keep", keep, 1),
-        ("records", records, 4),
-    ):
-        require_whole(option, value, minimum)
+    require_whole("leave-out", leave_out, 0)
+    require_whole("keep", keep, 1)
+    require_whole("records", records, 4)
 
 
 def check_base(mechanism: Mechanism) -> None:
