@@ -296,10 +296,9 @@ def hunting(
                 (above,) = search.largest([group.with_gains(**{name: hunts})], False)
             elif name is not None:
                 search.skip(1)
-            for axis, *three in zip(group.axes, loose, tight, above, strict=True):
-                swing, control, tight_above = three
-                gains = value, quiet, hunts
-                answers.append(Hunting(axis, swing, control, predicted(axis), *gains, tight_above))
+            gains = value, quiet, hunts
+            for axis, swing, control, over in zip(group.axes, loose, tight, above, strict=True):
+                answers.append(Hunting(axis, swing, control, predicted(axis), *gains, over))
     return answers
 
 
@@ -378,12 +377,11 @@ def gain_map(
     second: Span,
     *,
     longest: float | None = None,
-    start: float = STARTS[1],
     jobs: int | None = None,
     keep: Path | None = None,
     progress: bool = False,
 ) -> GainMap:
-    """Run a joint at all pairs of two gains, with play and without, once each from one start.
+    """Run a joint at all pairs of two gains, with play and without, once each from `STARTS[1]`.
 
     No motion is longer than `longest` [s]; None: `DAY_S` under a servo, else `MAP_S`. For `keep`
     see `hunting`.
@@ -403,7 +401,7 @@ def gain_map(
     pairs = [group.with_gains(**{x: float(a), y: float(b)}) for b in ys for a in xs]
     total = 2 * len(pairs)
     with store_in(keep) as store, ProgressBar(disable=not progress, unit="run", total=total) as bar:
-        search = Search([start], longest, jobs, bar, store)
+        search = Search([STARTS[1]], longest, jobs, bar, store)
         loose, tight = (
             [swing for (swing,) in search.largest(pairs, play, MAP_S)] for play in (True, False)
         )

@@ -131,12 +131,9 @@ class SweepPlan:
     def values(self, index: Index) -> dict[str, Any]:
         """Coordinates of a case, by name."""
         position = dict(zip(self.sizes, index, strict=True))
-        coordinates = {axis.name: axis.coordinate[position[axis.name]].item() for axis in self.axes}
-        coordinates |= {
-            axis.name: float(self.drawn_values[position[SAMPLE], k])
-            for k, axis in enumerate(self.drawn)
-        }
-        return coordinates | ({REPEAT: position[REPEAT]} if self.repeats > 1 else {})
+        coordinates = self.coordinates.items()
+        values = {name: x[position[along]].item() for name, (along, x, _) in coordinates}
+        return values | ({REPEAT: position[REPEAT]} if self.repeats > 1 else {})
 
     def with_samples(self, samples: int) -> SweepPlan:
         """The sweep with more samples, of which the first remain the same."""
@@ -152,7 +149,7 @@ class SweepPlan:
                 names |= dict.fromkeys(str(name) for name in change.get("joints", {}))
         return list(names)
 
-    @property
+    @cached_property
     def coordinates(self) -> dict[str, tuple[str, np.ndarray, dict[str, str]]]:
         """By name: the dimension, the values along it, and their unit and meaning."""
         values = [(axis, axis.name, axis.coordinate) for axis in self.axes]
@@ -413,7 +410,6 @@ def _check_keys(plan: SweepPlan) -> None:
     """Raise a JointplayError if two axes set the same key, or one a part of the other's."""
     paths: dict[Key, str] = {}
     for axis in (*plan.axes, *plan.drawn):
-        keys = axis.keys or tuple({(str(k),) for change in axis.values for k in change})
         for key in axis.keys:
             for earlier, name in paths.items():
                 size = min(len(key), len(earlier))
@@ -422,7 +418,7 @@ def _check_keys(plan: SweepPlan) -> None:
                         f"axes {toml_text(name)} and {toml_text(axis.name)} contradict each other: "
                         f"both set {dotted(min(key, earlier, key=len))}"
                     )
-        paths |= dict.fromkeys(keys if axis.keys else (), axis.name)
+        paths |= dict.fromkeys(axis.keys, axis.name)
     seed: Key = ("integration", "seed")
     if plan.repeats > 1 and seed in paths:
         name = toml_text(paths[seed])
