@@ -53,8 +53,7 @@ def to_usd(mechanism: Mechanism, *reductions: Reduction) -> str:
         )  # fmt: skip
         newton = {"friction": body.friction, "damping": body.damping * per}
         if body.stop is not None:
-            stiffness, damping = body.stop
-            newton = {"limitStiffness": stiffness * per, "limitDamping": damping * per}
+            newton = {"limitStiffness": body.stop * per, "limitDamping": body.damping * per}
         stage.extend(joint, "NewtonJointAPI", "newton", **newton)
     return str(stage.stage.GetRootLayer().ExportToString())
 
