@@ -36,10 +36,9 @@ from jointplay.study.measures import (
     measure,
     measure_function,
     needed,
-    own_measures,
     rests_of,
 )
-from jointplay.study.outcome import DONE, FAILED, Index, Outcome
+from jointplay.study.store import DONE, FAILED, Index, Outcome
 from jointplay.study.sweep_plan import SweepPlan
 
 Case = tuple[Index, Mapping[str, Any]]
@@ -186,7 +185,11 @@ class Bench:
             rests = self._rests_of(simulation.motion, float(result.time[-1]))
         values = measure(result, error, self.job.joints, rests)
         for name, function in self.measures.items():
-            own_values = own_measures(name, function(result))
+            returned = function(result)  # one number, or a dict of several
+            returned = (
+                returned if isinstance(returned, dict) else {name.rpartition(":")[2]: returned}
+            )
+            own_values = {str(label): float(value) for label, value in returned.items()}
             for label in own_values:
                 if label in values or label == COST or label.startswith(NUMERICAL_ERROR):
                     raise JointplayError(

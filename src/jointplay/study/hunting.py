@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -134,7 +134,7 @@ class Hunting:
     None: none. For a `MultiAxis` at rest means all of its joints that were looked at."""
     hunting: float | None
     """Smallest value tried at which a start hunts; None: none."""
-    above: Swing = QUIET
+    above: Swing
     """The largest swing without play at the gain `hunting`."""
 
     @property
@@ -172,7 +172,7 @@ class Search:
     longest: float | None
     jobs: int | None
     bar: ProgressBar
-    store: Memory[Arrays] = field(default_factory=Memory)
+    store: Memory[Arrays]
     """The trials that were run."""
 
     def largest(

@@ -228,12 +228,6 @@ def _forces(
                 yield f"{statistic}_force_{label}", value
 
 
-def own_measures(name: str, returned: Any) -> dict[str, float]:
-    """Numbers by name from what ``module:function`` returned: one number, or a dict of several."""
-    values = returned if isinstance(returned, dict) else {name.rpartition(":")[2]: returned}
-    return {str(key): float(value) for key, value in values.items()}
-
-
 # Measures of a user's own: functions of a result, named ``module:function``.
 
 

@@ -26,8 +26,7 @@ from jointplay.scenario.reading import Key, dotted, merge
 from jointplay.simulation.analysis.uncertainty import Until, read_until
 from jointplay.study.axes import GROWING, METHODS, Axis, points, read
 from jointplay.study.keys import set_key
-from jointplay.study.outcome import Index
-from jointplay.study.store import MOST_CASES
+from jointplay.study.store import MOST_CASES, Index
 
 SAMPLE, REPEAT = "sample", "repeat"
 """Names of the dimensions of samples from distributions, and of repeated runs."""
