@@ -185,10 +185,9 @@ class Bench:
             rests = self._rests_of(simulation.motion, float(result.time[-1]))
         values = measure(result, error, self.job.joints, rests)
         for name, function in self.measures.items():
-            returned = function(result)  # one number, or a dict of several
-            returned = (
-                returned if isinstance(returned, dict) else {name.rpartition(":")[2]: returned}
-            )
+            returned = function(result)
+            if not isinstance(returned, dict):  # one number
+                returned = {name.rpartition(":")[2]: returned}
             own_values = {str(label): float(value) for label, value in returned.items()}
             for label in own_values:
                 if label in values or label == COST or label.startswith(NUMERICAL_ERROR):
