@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -203,6 +204,7 @@ def _tool_error(
             yield f"tool_error_{name}_{part}", float(value)
 
 
+@lru_cache(maxsize=1)  # the cases of a sweep mostly have the same motion
 def rests_of(motion: Motion | None, end: float) -> tuple[float, ...]:
     """Times up to `end` at which the reference stands still, without the start [s]."""
     if motion is None:
