@@ -78,14 +78,6 @@ def shipped(joints: Sequence[str]) -> dict[str, tuple[str, str]]:
     }
 
 
-def unit_and_meaning(name: str, joints: Sequence[str]) -> tuple[str, str] | None:
-    """Unit and meaning of a measure; None if it is of a user's own function."""
-    if name.startswith(NUMERICAL_ERROR):
-        figure = name.removeprefix(NUMERICAL_ERROR).replace("_", " ")
-        return "", f"numerical error of the {figure}, from refined runs"
-    return shipped(joints).get(name)
-
-
 def measure(
     result: Result, error: xr.DataArray | None, joints: Sequence[str], rests: Sequence[float] = ()
 ) -> dict[str, float]:

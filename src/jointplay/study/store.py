@@ -7,6 +7,7 @@ again.
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
@@ -107,13 +108,21 @@ class SweepStore:
         """The entries `_ABOUT`, from the plan."""
         from jointplay.simulation.result.stored import versions
 
+        plan, scenario = self.plan, self.plan.scenario
         labels = {
             name: {"values": values.tolist(), **about}
-            for name, (along, values, about) in self.plan.coordinates.items()
+            for name, (along, values, about) in plan.coordinates.items()
             if name == along
         }
-        study = {"identity": dict(self.plan.identity), "sizes": dict(self.plan.sizes)}
-        return {**self.plan.attributes, **study, "labels": labels, "versions": versions()}
+        return {
+            "case": plan.case, "sampling": plan.sampling,
+            "sampled": [axis.name for axis in plan.drawn], "inputs": plan.inputs,
+            "title": scenario.title, "scenario": scenario.text,
+            "scenario_file": scenario.path.name,
+            "sweep": json.dumps(dict(plan.table), default=str),
+            "identity": dict(plan.identity), "sizes": dict(plan.sizes), "labels": labels,
+            "versions": versions(),
+        }  # fmt: skip
 
     def _values(self) -> list[Column]:
         """Columns of the cases' values on the axes, and `OUTCOME_COLUMNS`."""

@@ -164,25 +164,14 @@ class SweepPlan:
             by_name[REPEAT] = REPEAT, seeds, {"units": "", "long_name": text}
         return by_name
 
-    @property
-    def attributes(self) -> dict[str, Any]:
-        """Description of the sweep, for readers of its store."""
-        return {
-            "case": self.case,
-            "sampling": self.sampling,
-            "sampled": [axis.name for axis in self.drawn],
-            "inputs": self.inputs,
-            "title": self.scenario.title,
-            "scenario": self.scenario.text,
-            "scenario_file": self.scenario.path.name,
-            "sweep": json.dumps(dict(self.table), default=str),
-        }
-
     def meaning(self, measure: str) -> tuple[str, str, str]:
         """Unit, meaning and origin of a measure."""
-        from jointplay.study.measures import USER, unit_and_meaning
+        from jointplay.study.measures import NUMERICAL_ERROR, USER, shipped
 
-        known = unit_and_meaning(measure, self.joints)
+        if measure.startswith(NUMERICAL_ERROR):
+            figure = measure.removeprefix(NUMERICAL_ERROR).replace("_", " ")
+            return "", f"numerical error of the {figure}, from refined runs", ""
+        known = shipped(self.joints).get(measure)
         return (*known, "") if known else ("", measure.replace("_", " "), USER)
 
     def grown(self, identity: Mapping[str, str], sizes: Sequence[str]) -> set[str]:
