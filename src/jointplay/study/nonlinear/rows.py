@@ -176,8 +176,9 @@ class Observation:
 
     def section_from(self, key: Key) -> np.ndarray:
         """`section` of a run whose journal starts at (x, y) [m], the key."""
+        x, y = key
         centred = dataclasses.replace(self.simulation(), start="centred", seed=None)
-        points = self._observed(centred, steady_motion.placing(self.joint, *key))
+        points = self._observed(centred, partial(steady_motion.place, self.joint, x, y))
         return once_per_turn(points, self.records, self.phase).ravel()
 
     def inputs(self) -> dict[str, Any]:
