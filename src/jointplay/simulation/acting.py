@@ -19,7 +19,6 @@ from jointplay.model.frames import motions, signs_between
 from jointplay.model.loop import closing_rows
 from jointplay.model.mechanism import Mechanism, frame_index
 from jointplay.model.payload import Payload, velocity_after_pick
-from jointplay.model.urdf import MOST_LETTERS
 from jointplay.physics.kernel.layout import LoadSite
 from jointplay.physics.kernel.workspace import Workspace
 from jointplay.simulation.loads.base import Load, Site, compiled_law
@@ -37,19 +36,6 @@ LARGEST_STEP_TURN = 1.0
 """
 FINE_STEP_TURN = 0.2
 """Step times natural frequency that is advised: the period is then right to 0.2 % [rad]."""
-
-
-def check(loads: Mapping[str, Load]) -> None:
-    """Refuse loads that are none, or have no proper names."""
-    if not isinstance(loads, Mapping):
-        raise JointplayError(f"loads must be given by name, as {{'spring': ...}}, got {loads!r}")
-    for name, load in loads.items():
-        if not isinstance(name, str) or not name or not name.isprintable():
-            raise JointplayError(f"the name of a load must be readable text, got {name!r}")
-        if len(name) > MOST_LETTERS:
-            raise JointplayError(f"a load's name has {len(name)} letters; at most {MOST_LETTERS}")
-        if not isinstance(load, Load):
-            raise JointplayError(f"{name!r} must be a load such as jp.loads.Spring, got {load!r}")
 
 
 def load_site(load: Load, mechanism: Mechanism, bounds: Mapping[str, float]) -> LoadSite:

@@ -344,7 +344,6 @@ def prepare(simulation: Simulation, in_memory: bool, progress: bool, ahead: bool
     mechanism, record_every = simulation.mechanism, simulation.record_every
     method = integrator(simulation.integrator)
     step, duration, total_steps = check_integration(simulation, method)
-    acting.check(simulation.loads)
     drives = assign(mechanism, simulation.motion, simulation.drive)
     if in_memory:
         nodes = table_nodes(simulation.motion, drives, duration)
