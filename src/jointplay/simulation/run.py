@@ -560,14 +560,13 @@ class Run:
             self._load_schedule.start(self._loop)
 
     def _set_reference_block(self) -> None:
-        if self._reference.go_to(self.workspace.time):
-            self.workspace.set_reference_block(self._reference.table, self._reference.first)
+        self._reference.go_to(self.workspace.time)
+        self.workspace.set_reference_block(self._reference.table, self._reference.first)
 
     def share_reference(self, run: Run) -> None:
         """Use the reference tables of another run of the same motion: results are bit-identical."""
         self._reference = run._reference
-        self._reference.go_to(self.workspace.time)
-        self.workspace.set_reference_block(self._reference.table, self._reference.first)
+        self._set_reference_block()
 
     def advance(self, steps: int) -> bool:
         """Do `steps` steps, or fewer if the run fails or ends; returns whether all is well."""

@@ -82,13 +82,11 @@ class Reference:
         last = (self._at + 2) * self._block >= self.nodes
         return math.inf if last else (self._at + 1) * self._block * REFERENCE_NODE_S
 
-    def go_to(self, time: float) -> bool:
-        """Bring the blocks of `time` [s] into memory; returns whether the table changed."""
+    def go_to(self, time: float) -> None:
+        """Bring the blocks of `time` [s] into memory."""
         at = min(int(time / REFERENCE_NODE_S) // self._block, max(self._count - 2, 0))
-        if at == self._at:
-            return False
-        self._take(at)
-        return True
+        if at != self._at:
+            self._take(at)
 
     def memory(self) -> dict[str, Any]:
         """State for checkpoints: that of the ideal mechanism."""
