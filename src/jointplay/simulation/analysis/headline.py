@@ -459,24 +459,19 @@ def _at_stops(result: Result, error: xr.DataArray) -> list[str]:
 
 
 def _forces(result: Result, joints: list[str], since: str, detail: bool) -> str:
-    """The peak force in each joint, in a line."""
+    """The peak force in each joint, in a line; of linkages with that in the ideal one."""
     forces = result.forces
     forces = forces.sel(time=forces["time"] >= result.judge_from)
+    ideal = json.loads(result.dataset.attrs.get("ideal_forces", "{}"))
     parts: list[str] = []
     for joint in joints:
         sizes = forces.sel(joint=joint).values
         at = float(forces["time"][int(sizes.argmax())])
         peak = peak_force(result, joint, float(sizes.max()), detail)
-        if result.simulation.mechanism.loops:
-            peak += _ideal_force(result, joint)
+        if result.simulation.mechanism.loops and joint in ideal:  # in the same pin
+            peak += f" (ideal {alone(ideal[joint])} N)"
         parts.append(f"in {joint}{'' if parts else since} {peak} at t = {at:.4g} s")
     return f"peak force {few(parts)}"
-
-
-def _ideal_force(result: Result, joint: str) -> str:
-    """The largest force in the same pin of the ideal linkage, in brackets, if it is known."""
-    largest = json.loads(result.dataset.attrs.get("ideal_forces", "{}")).get(joint)
-    return "" if largest is None else f" (ideal {alone(largest)} N)"
 
 
 def peak_force(result: Result, joint: str, largest: float, detail: bool = False) -> str:
