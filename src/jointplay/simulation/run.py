@@ -405,7 +405,8 @@ class Run:
         self.begin()
         w = self.workspace
         saved = [array.copy() for array in w.state()]
-        self._loop.look()
+        if not self.method.single_rate:  # whose q and v are not of one instant
+            self._loop.synchronize()
         touching = w.contacts["touching"] > 0
         if not self.method.single_rate:
             touching &= (w.joints["touching"] > 0)[:, None]

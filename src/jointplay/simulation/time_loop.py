@@ -78,14 +78,9 @@ class TimeLoop(ABC):
         self._none = pin.StdVec_Force()
         self._none.extend([pin.Force.Zero()] * model.njoints)
 
-    @property
-    def commands(self) -> tuple[Command, ...]:
-        """A command of each compiled entry that the loop calls."""
-        return (self.method.command,)
-
     def compile(self) -> None:
-        for command in self.commands:
-            caller_of(command)
+        """Compile the entries of the kernel that the loop calls."""
+        caller_of(self.method.command)
 
     @abstractmethod
     def begin(self) -> None:
@@ -98,10 +93,6 @@ class TimeLoop(ABC):
     def velocity(self) -> np.ndarray:
         """Velocities at the present instant, shape (nv,)."""
         return self.workspace.v
-
-    def look(self) -> None:
-        """Evaluate the present state to be read; the caller restores the workspace afterwards."""
-        return None
 
     @abstractmethod
     def memory(self) -> dict[str, float]:
@@ -234,9 +225,6 @@ class MultiRate(TimeLoop):
         velocity: np.ndarray = w.half + 0.5 * float(w.run["dt_before"][0]) * w.acceleration
         return velocity
 
-    def look(self) -> None:
-        self.synchronize()
-
     def memory(self) -> dict[str, float]:
         return {"planned_on": float(self._planned_on)}
 
@@ -289,9 +277,9 @@ class Adaptive(MultiRate):
         run["longest_micro"] = STABLE_TURN / highest if highest > 0.0 else np.inf
         self.workspace.keep_copies()
 
-    @property
-    def commands(self) -> tuple[Command, ...]:
-        return (*super().commands, self.advancing)
+    def compile(self) -> None:
+        super().compile()
+        caller_of(self.advancing)
 
 
 class SingleRate(TimeLoop):
