@@ -165,11 +165,8 @@ class Headline:
         self._judge_from, self._soft, self._ideal = judge_from, soft, ideal
         judged = time[time >= judge_from]
         compared = judged[:0] if ideal is None else judged[judged <= ideal.until]
-        self._count, self._weights, self._compared_weights = (
-            len(judged),
-            time_weights(judged),
-            time_weights(compared),
-        )
+        self._count, self._weights = len(judged), time_weights(judged)
+        self._compared_weights = time_weights(compared)
         self._ends = np.linspace(0, max(self._count - 1, 0), STRETCHES + 1).astype(int)
         self._histories: dict[str, _History] = {}
         self._seen = 0
