@@ -40,7 +40,6 @@ from jointplay.simulation.analysis.tool_error import (
     error_statistics,
     growth,
     has_tool_error,
-    ideal_tool,
     stops,
     time_weights,
     tops,
@@ -100,12 +99,6 @@ class Measured:
     """
     sampling: float = 0.0
     """Error because the figure is computed from records, not from all steps."""
-
-
-def figures(result: Result) -> dict[str, tuple[float, str]]:
-    """Value and unit of headline figures from `Result.judge_from` on, and of claims' measures."""
-    measured = headline_of(result, ideal_tool(result), claims=True)
-    return {name: (figure.value, figure.unit) for name, figure in measured.items()}
 
 
 def fits(result: Result) -> bool:
@@ -203,7 +196,7 @@ class Headline:
             for k, name in enumerate(names):
                 if name not in self._soft:
                     figure = _joint_figure(how, name, len(names) - len(self._soft))
-                    history = self._history(figure, how, "N", self._count)
+                    history = self._histories.setdefault(figure, _History(how, "N", self._count))
                     history.add(sizes[judged, k], self._weights[rows])
         if self._ideal is not None:
             for quantity, of in (("error", "tool_position"), ("turn", "tool_orientation")):
@@ -212,14 +205,11 @@ class Headline:
                 sizes = np.linalg.norm(error.values, axis=1)
                 moves = error["time"].values, growth(error.values, error["rate"].values)
                 for how in ("peak", "RMS"):
-                    unit = error.attrs["units"]
                     weights = self._compared_weights
-                    history = self._history(f"{how} tool {quantity}", how, unit, len(weights))
+                    history = _History(how, error.attrs["units"], len(weights))
+                    history = self._histories.setdefault(f"{how} tool {quantity}", history)
                     history.add(sizes, weights[rows], moves)
         self._add_losses(part, judged)
-
-    def _history(self, name: str, how: str, unit: str, count: int) -> _History:
-        return self._histories.setdefault(name, _History(how, unit, count))
 
     def _add_losses(self, part: xr.Dataset, judged: np.ndarray) -> None:
         """Keep the energy lost, and the work of loads, at the ends of the stretches."""
