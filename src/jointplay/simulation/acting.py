@@ -204,17 +204,14 @@ class ReactionLoads:
 
     def __init__(self, run: Run, sites: Sequence[LoadSite]) -> None:
         self._workspace, self._model, mechanism = run.workspace, run.model, run.mechanism
-        numbered = list(enumerate(zip(run.simulation.loads.values(), sites, strict=True)))
         self.members = [
             (load, site.numbers, *_axis(mechanism, load.joint))
-            for _, (load, site) in numbered
+            for load, site in zip(run.simulation.loads.values(), sites, strict=True)
             if isinstance(load, LoadedFriction)
         ]
         """Load, numbers of its law, Pinocchio joint, axis, and whether the joint slides."""
         self._between_frames = [
-            (index, load.site(mechanism))
-            for index, (load, site) in numbered
-            if site.carriers is not None
+            (index, site.carriers) for index, site in enumerate(sites) if site.carriers is not None
         ]
         self._data: pin.Data | None = None
         self._before: tuple[float, np.ndarray, np.ndarray] | None = None
@@ -265,9 +262,7 @@ class ReactionLoads:
         forces.extend([pin.Force.Zero()] * model.njoints)
         if self._between_frames:
             pin.forwardKinematics(model, data, q)
-        for index, site in self._between_frames:
-            assert site.frames is not None
-            (i, first), (j, second) = site.frames
+        for index, ((i, first), (j, second)) in self._between_frames:
             wrench = self._workspace.loads["wrench"][index]
             turn = (data.oMi[i] * first).rotation
             at = (data.oMi[j] * second).translation
