@@ -120,8 +120,15 @@ class IdealMotion:
         """
         if self._ideal.loops:
             return self._with_loops(times, progress)
-        free = self._ideal.free_base is not None
-        return (self._with_free_base if free else self._of_tree)(times, progress)
+        if self._ideal.free_base is not None:
+            return self._with_free_base(times, progress)
+        model, data, at = self._ideal.model, self._ideal.data, self._at
+        effort = np.empty((len(times), len(at)))
+        for first in _shown(range(0, len(times), _PORTION), progress):
+            states = self._on_reference(times[first : first + _PORTION])
+            for i, state in enumerate(zip(*states, strict=True), first):
+                effort[i] = pin.rnea(model, data, *state)[at]
+        return effort
 
     def alike(self) -> tuple[tuple[object, ...], pin.Model] | None:
         """All that efforts depend on besides motion and times; None: on earlier calls, in loops."""
@@ -153,15 +160,6 @@ class IdealMotion:
         for values, reference in zip((q, v, a), self._motion(times), strict=True):
             values[:, self._at] = reference[:, self._order]
         return q, v, a
-
-    def _of_tree(self, times: np.ndarray, progress: bool) -> np.ndarray:
-        model, data, at = self._ideal.model, self._ideal.data, self._at
-        effort = np.empty((len(times), len(at)))
-        for first in _shown(range(0, len(times), _PORTION), progress):
-            states = self._on_reference(times[first : first + _PORTION])
-            for i, state in enumerate(zip(*states, strict=True), first):
-                effort[i] = pin.rnea(model, data, *state)[at]
-        return effort
 
     def memory(self) -> dict[str, list[float]]:
         """Closed configurations, for checkpoints: efforts then go on bit for bit."""
