@@ -485,7 +485,7 @@ class Run:
             "origin": None if self._origin is None else [x.tolist() for x in self._origin],
             "reference": self._reference.memory(),
             "events": self._events.memory(),
-            "loop": self._loop.memory(),
+            "loop": self._loop.goes_on,
             "judging": self.judging.memory(),
             "unjudged": self.judging.unjudged,
             "watch": self._load_schedule.memory(),
@@ -494,7 +494,7 @@ class Run:
 
     def recall(self, memory: Mapping[str, Any]) -> None:
         self._events.recall(memory["events"])
-        self._loop.recall(memory["loop"])
+        self._loop.goes_on = bool(memory["loop"])
         self._complete, self._left = bool(memory["whole"]), self._state()
         self._begun, self._elapsed = bool(memory["begun"]), float(memory["elapsed"])
         self._finished = bool(memory["finished"])
