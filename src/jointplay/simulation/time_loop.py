@@ -78,8 +78,8 @@ class TimeLoop(ABC):
         self._none = pin.StdVec_Force()
         self._none.extend([pin.Force.Zero()] * model.njoints)
         self.goes_on = False
-        """Whether the next call goes on with what was begun: a macro step that is planned already, as
-        after a pause, or single-rate steps from a first state. Checkpoints keep it."""
+        """Whether the next call goes on with what was begun: a macro step that is planned already,
+        as after a pause, or single-rate steps from a first state. Checkpoints keep it."""
 
     def compile(self) -> None:
         """Compile the entries of the kernel that the loop calls."""
