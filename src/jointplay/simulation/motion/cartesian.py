@@ -130,6 +130,7 @@ class Arm:
     arguments are those of `cartesian_path`; `turning`: whether orientations are led, too.
 
     Attributes:
+        single: joints of one coordinate.
         joints: joints that the motion names.
         at: their coordinates.
         origin, reach: a fixed point, and the largest distance of the frame from it [m].
@@ -149,7 +150,8 @@ class Arm:
     ) -> None:
         self.ideal = ideal = mechanism.ideal()
         self.names = ideal.coordinates
-        balls = [name for name in ideal.joints if name not in ideal.coordinates]
+        self.single = [name for name in ideal.joints if name in self.names]
+        balls = [name for name in ideal.joints if name not in self.names]
         if balls and not ideal.loops:
             raise JointplayError(
                 f"a Cartesian motion cannot move the ball joint {balls[0]!r}, which has no drive"
@@ -160,9 +162,8 @@ class Arm:
         self.frame = frame_index(self.model, ideal.tool if frame is None else frame)
         # Limits, and the sphere of the tool.
         self.low, self.high = np.full((2, len(self.names)), [[-np.inf], [np.inf]])
-        single = [name for name in ideal.joints if name in self.names]
-        at = [ideal.coordinate(name) for name in single]
-        self.low[at], self.high[at] = joint_limits(mechanism, single)
+        self.at = [ideal.coordinate(name) for name in self.single]
+        self.low[self.at], self.high[self.at] = joint_limits(mechanism, self.single)
         self.origin, self.reach = self._sphere()
         # Constraints, and a configuration that keeps them.
         self.mimics: dict[str, Mimic] = {}
@@ -179,7 +180,6 @@ class Arm:
         self.mobility = len(self.names)
         self.mobility = min(self.freedoms(q).shape[1] for q in self._samples())
         self.joints = ideal.joints
-        self.at = [ideal.coordinate(name) for name in ideal.joints if name in ideal.coordinates]
         if ideal.loops:
             self.joints = self._driven(driven)
             self.at = [ideal.coordinate(name) for name in self.joints]
@@ -247,9 +247,8 @@ class Arm:
         else:
             chosen = list(dict.fromkeys(driven))
             for name in chosen:
-                if name not in ideal.joints or name not in ideal.coordinates:
-                    single = [joint for joint in ideal.joints if joint in ideal.coordinates]
-                    raise MissingName("joint to drive", name, single, where=("driven",))
+                if name not in self.single:
+                    raise MissingName("joint to drive", name, self.single, where=("driven",))
         held = rank(chosen)
         if held < len(chosen):
             raise JointplayError(
@@ -701,8 +700,8 @@ def _followers_at(arm: Arm, q: np.ndarray) -> dict[str, float]:
             return {}
     return {
         name: float(q[arm.names.index(name)])
-        for name in arm.ideal.joints
-        if name in arm.names and name not in arm.joints and name not in arm.mimics
+        for name in arm.single
+        if name not in arm.joints and name not in arm.mimics
     }
 
 
@@ -815,11 +814,7 @@ def _search_elsewhere(
     if branch is not None:
         if first:
             return branch
-        values = ", ".join(
-            f"{name} = {branch.q[arm.names.index(name)]:.4g}"
-            for name in arm.ideal.joints
-            if name in arm.names
-        )
+        values = ", ".join(f"{name} = {branch.q[arm.names.index(name)]:.4g}" for name in arm.single)
         remedy = f"; another branch reaches it, such as {values}: choose it by start"
     unlimited = np.full(len(seed), np.inf)
     beyond = arm.search(seed, target, (-unlimited, unlimited))
