@@ -188,15 +188,11 @@ def _fields_of(described: Any, unit: str) -> Iterator[tuple[str, str, bool]]:
     declared = fields_of(described.__class__)
     for field in fields(described):
         value, about = getattr(described, field.name), declared.get(field.name)
-        if about is None or value is None:
-            continue
-        if isinstance(value, bool) or not isinstance(value, float | int | str):
+        if about is None or isinstance(value, bool):
             continue
         same = value == field.default
-        if isinstance(value, float | int):
-            if value == 0.0 and same:
-                continue
+        if isinstance(value, str):
+            yield field.name, value, same
+        elif isinstance(value, float | int) and not (value == 0.0 and same):
             choice = about.units[-1 if unit == "m" and len(about.units) > 1 else 0]
             yield field.name, readable(float(value), choice), same
-        else:
-            yield field.name, value, same
