@@ -425,7 +425,7 @@ def held(
         for name, drive in drives.items()
     }
     holding = assign(mechanism, motion, final)
-    tables, _, reference = tabulate(mechanism, motion, holding, _INSTANT_S, {}, q)
+    tables, reference = tabulate(mechanism, motion, holding, _INSTANT_S, {}, q)
     return StaticEquilibrium(
         mechanism, mechanism.model, q, nothing, holding, tables.drives, tables.servos,
         reference.table[0], {}, static_loads(mechanism, loads), nothing.copy(),

@@ -18,8 +18,8 @@ from jointplay.physics.kernel import Status
 from jointplay.physics.kernel.constants import DEFAULT
 from jointplay.scenario import Scenario
 from jointplay.simulation.analysis.claims import Measures, measure
-from jointplay.simulation.analysis.headline import figures
-from jointplay.simulation.analysis.tool_error import measured_against
+from jointplay.simulation.analysis.headline import headline_of
+from jointplay.simulation.analysis.tool_error import ideal_tool, measured_against
 from jointplay.simulation.result.result import Result
 from jointplay.simulation.run import Run
 from jointplay.simulation.saving import run_and_save
@@ -186,5 +186,6 @@ def by_method(label: str, method: str, condition: Condition = CONDITIONS[0]) -> 
     if METHODS[method].get("duration", np.inf) > EARLY_S:
         if CASES[label] is not None:
             result = measured_against(result, _ideal_with(method, condition))
-        values |= {name: value for name, (value, _) in figures(result).items()}
+        figures = headline_of(result, ideal_tool(result), claims=True)
+        values |= {name: figure.value for name, figure in figures.items()}
     return MethodFigures(values, tuple(result.audit.warnings))

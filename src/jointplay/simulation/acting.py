@@ -19,7 +19,6 @@ from jointplay.model.frames import motions, signs_between
 from jointplay.model.loop import closing_rows
 from jointplay.model.mechanism import Mechanism, frame_index
 from jointplay.model.payload import Payload, velocity_after_pick
-from jointplay.model.urdf import MOST_LETTERS
 from jointplay.physics.kernel.layout import LoadSite
 from jointplay.physics.kernel.workspace import Workspace
 from jointplay.simulation.loads.base import Load, Site, compiled_law
@@ -37,19 +36,6 @@ LARGEST_STEP_TURN = 1.0
 """
 FINE_STEP_TURN = 0.2
 """Step times natural frequency that is advised: the period is then right to 0.2 % [rad]."""
-
-
-def check(loads: Mapping[str, Load]) -> None:
-    """Refuse loads that are none, or have no proper names."""
-    if not isinstance(loads, Mapping):
-        raise JointplayError(f"loads must be given by name, as {{'spring': ...}}, got {loads!r}")
-    for name, load in loads.items():
-        if not isinstance(name, str) or not name or not name.isprintable():
-            raise JointplayError(f"the name of a load must be readable text, got {name!r}")
-        if len(name) > MOST_LETTERS:
-            raise JointplayError(f"a load's name has {len(name)} letters; at most {MOST_LETTERS}")
-        if not isinstance(load, Load):
-            raise JointplayError(f"{name!r} must be a load such as jp.loads.Spring, got {load!r}")
 
 
 def load_site(load: Load, mechanism: Mechanism, bounds: Mapping[str, float]) -> LoadSite:
@@ -218,17 +204,14 @@ class ReactionLoads:
 
     def __init__(self, run: Run, sites: Sequence[LoadSite]) -> None:
         self._workspace, self._model, mechanism = run.workspace, run.model, run.mechanism
-        numbered = list(enumerate(zip(run.simulation.loads.values(), sites, strict=True)))
         self.members = [
             (load, site.numbers, *_axis(mechanism, load.joint))
-            for _, (load, site) in numbered
+            for load, site in zip(run.simulation.loads.values(), sites, strict=True)
             if isinstance(load, LoadedFriction)
         ]
         """Load, numbers of its law, Pinocchio joint, axis, and whether the joint slides."""
         self._between_frames = [
-            (index, load.site(mechanism))
-            for index, (load, site) in numbered
-            if site.carriers is not None
+            (index, site.carriers) for index, site in enumerate(sites) if site.carriers is not None
         ]
         self._data: pin.Data | None = None
         self._before: tuple[float, np.ndarray, np.ndarray] | None = None
@@ -279,9 +262,7 @@ class ReactionLoads:
         forces.extend([pin.Force.Zero()] * model.njoints)
         if self._between_frames:
             pin.forwardKinematics(model, data, q)
-        for index, site in self._between_frames:
-            assert site.frames is not None
-            (i, first), (j, second) = site.frames
+        for index, ((i, first), (j, second)) in self._between_frames:
             wrench = self._workspace.loads["wrench"][index]
             turn = (data.oMi[i] * first).rotation
             at = (data.oMi[j] * second).translation

@@ -64,6 +64,7 @@ class InitialState:
 
     Attributes:
         motion_speed: velocities as given, 0 elsewhere, (nv,).
+        motion_acceleration: accelerations of the reference, 0 elsewhere, (nv,).
         q, v: positions and velocities, shapes (nq,) and (nv,).
         placed: coordinates of journals whose positions were given.
         held: all coordinates whose positions were given, but for those of the motion.
@@ -73,6 +74,7 @@ class InitialState:
 
     mechanism: Mechanism
     motion_speed: np.ndarray
+    motion_acceleration: np.ndarray
     q: np.ndarray
     v: np.ndarray
     placed: list[int]
@@ -166,11 +168,9 @@ class InitialState:
                     stacklevel=5,
                 )
 
-    def acceleration(self, along: np.ndarray) -> np.ndarray:
-        """Acceleration with which loops stay closed, journals at rest in their bearings, (nv,).
-
-        `along`: acceleration of the reference, zero where there is none, (nv,).
-        """
+    def acceleration(self) -> np.ndarray:
+        """Acceleration with which loops stay closed, journals at rest in their bearings, (nv,)."""
+        along = self.motion_acceleration
         if not self.mechanism.loops or not (self.v.any() or along.any()):
             return along
         later = self.motion_speed + _AHEAD_S * along
@@ -209,7 +209,8 @@ def initial_state(simulation: Simulation, followed: Sequence[str]) -> InitialSta
             does not fit.
     """
     mechanism = simulation.mechanism
-    q, v = np.zeros(mechanism.model.nq), np.zeros(mechanism.model.nv)
+    q = np.zeros(mechanism.model.nq)
+    v, a = np.zeros((2, mechanism.model.nv))
     held: list[int] = []
     moving: list[int] = []
     placed: list[int] = []
@@ -230,17 +231,17 @@ def initial_state(simulation: Simulation, followed: Sequence[str]) -> InitialSta
             moving += at
     led: list[int] = []
     if simulation.motion is not None:
-        positions, velocities, _ = simulation.motion(np.zeros(1))
+        reference = simulation.motion(np.zeros(1))
         for name in followed:
             index = simulation.motion.joints.index(name)
             at = named(mechanism, name)
-            q[at], v[at] = positions[0, index], velocities[0, index]
+            q[at], v[at], a[at] = (values[0, index] for values in reference)
             led += at
     held += _mesh(simulation, q, held + led, positions=True)
     moving += _mesh(simulation, v, moving + led, positions=False)
     guessed = [i for i in held if i not in placed]
     q = loop.assemble(mechanism, q, held + led, guessed=guessed)
-    return InitialState(mechanism, v, q, v, placed, held, led, moving + led)
+    return InitialState(mechanism, v, a, q, v, placed, held, led, moving + led)
 
 
 def _mesh(
@@ -312,22 +313,15 @@ def find_rest(
     places: Mapping[str, np.ndarray],
 ) -> statics.Rest:
     """Find the static equilibrium of a run's start; `places`: see `StaticEquilibrium.settle`."""
-    simulation, workspace, bodies = run.simulation, run.workspace, run.phases[-1].model
+    workspace, bodies = run.workspace, run.phases[-1].model
     mechanism = start.mechanism
-    along = np.zeros(bodies.nv)
-    if simulation.motion is not None:
-        _, _, acceleration = simulation.motion(np.zeros(1))
-        for name, drive in drives.items():
-            if drive.follows:
-                index = simulation.motion.joints.index(name)
-                along[named(mechanism, name)] = acceleration[0, index]
     fixed = list(start.placed)
     gaps = loop.misfit(mechanism, start.q) if mechanism.loops else {}
     if any(np.abs(gap).max() > loop.ASSEMBLY_TOLERANCE_M for gap in gaps.values()):
         fixed += start.held  # given positions that put journals aside: these shall stay there
     balance = statics.StaticEquilibrium(
         mechanism, bodies, workspace.q, workspace.v, drives, workspace.drives, workspace.servos,
-        workspace.reference[0], run.friction, loads, start.acceleration(along), fixed,
+        workspace.reference[0], run.friction, loads, start.acceleration(), fixed,
     )  # fmt: skip
     return balance.settle(places=places)
 

@@ -344,7 +344,6 @@ def prepare(simulation: Simulation, in_memory: bool, progress: bool, ahead: bool
     mechanism, record_every = simulation.mechanism, simulation.record_every
     method = integrator(simulation.integrator)
     step, duration, total_steps = check_integration(simulation, method)
-    acting.check(simulation.loads)
     drives = assign(mechanism, simulation.motion, simulation.drive)
     if in_memory:
         nodes = table_nodes(simulation.motion, drives, duration)
@@ -377,7 +376,7 @@ def prepare(simulation: Simulation, in_memory: bool, progress: bool, ahead: bool
     loop = time_loop.Adaptive if simulation.tolerance else time_loop.MultiRate
     macro_step = simulation.macro_step or loop.longest_macro_step_s
     ahead_s = 2.0 * (CHUNK * step + macro_step)
-    tables, armature, reference = tabulate(
+    tables, reference = tabulate(
         mechanism, simulation.motion, drives, duration, friction, start.q, progress, bounds,
         ahead_s, start.v,
     )  # fmt: skip
@@ -386,8 +385,8 @@ def prepare(simulation: Simulation, in_memory: bool, progress: bool, ahead: bool
     compiles = ahead and kernel_ahead(method.command)
     # The run's own model, and the arrays of the kernels.
     model = mechanism.model.copy()
-    for at, value in armature.items():
-        model.armature[at] += value
+    for row in tables.drives:
+        model.armature[row["coordinate"]] += row["armature"]
     sites = [acting.load_site(load, mechanism, bounds) for load in simulation.loads.values()]
     data = model.createData()
     workspace = Workspace(

@@ -405,7 +405,8 @@ class Run:
         self.begin()
         w = self.workspace
         saved = [array.copy() for array in w.state()]
-        self._loop.look()
+        if not self.method.single_rate:  # whose q and v are not of one instant
+            self._loop.synchronize()
         touching = w.contacts["touching"] > 0
         if not self.method.single_rate:
             touching &= (w.joints["touching"] > 0)[:, None]
@@ -484,7 +485,7 @@ class Run:
             "origin": None if self._origin is None else [x.tolist() for x in self._origin],
             "reference": self._reference.memory(),
             "events": self._events.memory(),
-            "loop": self._loop.memory(),
+            "loop": self._loop.goes_on,
             "judging": self.judging.memory(),
             "unjudged": self.judging.unjudged,
             "watch": self._load_schedule.memory(),
@@ -493,7 +494,7 @@ class Run:
 
     def recall(self, memory: Mapping[str, Any]) -> None:
         self._events.recall(memory["events"])
-        self._loop.recall(memory["loop"])
+        self._loop.goes_on = bool(memory["loop"])
         self._complete, self._left = bool(memory["whole"]), self._state()
         self._begun, self._elapsed = bool(memory["begun"]), float(memory["elapsed"])
         self._finished = bool(memory["finished"])
@@ -560,14 +561,13 @@ class Run:
             self._load_schedule.start(self._loop)
 
     def _set_reference_block(self) -> None:
-        if self._reference.go_to(self.workspace.time):
-            self.workspace.set_reference_block(self._reference.table, self._reference.first)
+        self._reference.go_to(self.workspace.time)
+        self.workspace.set_reference_block(self._reference.table, self._reference.first)
 
     def share_reference(self, run: Run) -> None:
         """Use the reference tables of another run of the same motion: results are bit-identical."""
         self._reference = run._reference
-        self._reference.go_to(self.workspace.time)
-        self.workspace.set_reference_block(self._reference.table, self._reference.first)
+        self._set_reference_block()
 
     def advance(self, steps: int) -> bool:
         """Do `steps` steps, or fewer if the run fails or ends; returns whether all is well."""

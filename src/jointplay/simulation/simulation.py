@@ -25,6 +25,7 @@ from jointplay.base.tables import Overview, few
 from jointplay.base.units import readable
 from jointplay.model.mechanism import Mechanism
 from jointplay.model.payload import Payload
+from jointplay.model.urdf import MOST_LETTERS
 from jointplay.physics.kernel import Status
 from jointplay.simulation import checkpoint
 from jointplay.simulation.initial import position_and_speed
@@ -58,7 +59,7 @@ class Simulation(Overview, Inputs):
     """
 
     def _check_tables(self) -> None:
-        """Refuse loads, joint friction and drives that are no tables of such objects."""
+        """Refuse loads, joint friction and drives that are no tables of such objects by name."""
         tables: dict[str, Any] = {"load": self.loads}
         if self.joint_friction is not None:
             tables["joint friction"] = self.joint_friction
@@ -69,6 +70,13 @@ class Simulation(Overview, Inputs):
             require_a(f"{name}s", table, "Mapping")
             for entry in table.values():
                 require_a(f"a {name}", entry, kinds[name])
+        for name in self.loads:
+            if not isinstance(name, str) or not name or not name.isprintable():
+                raise JointplayError(f"the name of a load must be readable text, got {name!r}")
+            if len(name) > MOST_LETTERS:
+                raise JointplayError(
+                    f"a load's name has {len(name)} letters; at most {MOST_LETTERS}"
+                )
 
     def __post_init__(self) -> None:
         require_a("mechanism", self.mechanism, "Mechanism")

@@ -494,12 +494,7 @@ def weight_curvature(model: pin.Model, data: pin.Data, q: np.ndarray) -> np.ndar
     (`tests/physics/test_rest.py`), so those below are taken for both.
     """
     slopes = pin.computeGeneralizedGravityDerivatives(model, data, q).reshape(model.nv, model.nv)
-    return np.where(_below_diagonal(model.nv), slopes, slopes.T)
-
-
-@lru_cache(maxsize=16)
-def _below_diagonal(size: int) -> np.ndarray:
-    return np.tri(size, dtype=bool)
+    return np.where(np.tri(model.nv, dtype=bool), slopes, slopes.T)
 
 
 def _least_size(sizes: np.ndarray) -> float:

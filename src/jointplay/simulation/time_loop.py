@@ -12,7 +12,7 @@ docs/integrators.md.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -77,15 +77,13 @@ class TimeLoop(ABC):
         # that are zero costs less than to leave them out.
         self._none = pin.StdVec_Force()
         self._none.extend([pin.Force.Zero()] * model.njoints)
-
-    @property
-    def commands(self) -> tuple[Command, ...]:
-        """A command of each compiled entry that the loop calls."""
-        return (self.method.command,)
+        self.goes_on = False
+        """Whether the next call goes on with what was begun: a macro step that is planned already,
+        as after a pause, or single-rate steps from a first state. Checkpoints keep it."""
 
     def compile(self) -> None:
-        for command in self.commands:
-            caller_of(command)
+        """Compile the entries of the kernel that the loop calls."""
+        caller_of(self.method.command)
 
     @abstractmethod
     def begin(self) -> None:
@@ -98,18 +96,6 @@ class TimeLoop(ABC):
     def velocity(self) -> np.ndarray:
         """Velocities at the present instant, shape (nv,)."""
         return self.workspace.v
-
-    def look(self) -> None:
-        """Evaluate the present state to be read; the caller restores the workspace afterwards."""
-        return None
-
-    @abstractmethod
-    def memory(self) -> dict[str, float]:
-        """State of the loop beyond the workspace, for checkpoints."""
-
-    @abstractmethod
-    def recall(self, memory: Mapping[str, float]) -> None:
-        """Restore the state that `memory` returned."""
 
     @abstractmethod
     def stretch(self, steps: int, pause: int) -> bool:
@@ -176,8 +162,6 @@ class MultiRate(TimeLoop):
                 w.angular[joint.idx_v] = 1.0
             if joint.shortname() == "JointModelSphericalZYX":
                 w.angular[joint.idx_v : joint.idx_v + 3] = 1.0
-        self._planned_on = False
-        """Whether the next macro step is planned already, as after a pause."""
         fixed = macro_step is not None
         run["fixed"], run["unit"] = fixed, 1
         run["departure_limit"] = np.inf if fixed else LARGEST_DEPARTURE * self._dt
@@ -219,7 +203,7 @@ class MultiRate(TimeLoop):
             w.set_held_pairs(np.array(points, layout.HOLD))
 
     def begin(self) -> None:
-        w, self._planned_on = self.workspace, False
+        w, self.goes_on = self.workspace, False
         w.execute(Command.RESTART)
         _aba(self.model, self.data, w.q, w.v, self._zero, self._none, _WORLD)
         _inverse(self.model, self.data)
@@ -234,30 +218,21 @@ class MultiRate(TimeLoop):
         velocity: np.ndarray = w.half + 0.5 * float(w.run["dt_before"][0]) * w.acceleration
         return velocity
 
-    def look(self) -> None:
-        self.synchronize()
-
-    def memory(self) -> dict[str, float]:
-        return {"planned_on": float(self._planned_on)}
-
-    def recall(self, memory: Mapping[str, float]) -> None:
-        self._planned_on = bool(memory["planned_on"])
-
     def stretch(self, steps: int, pause: int) -> bool:
         address, (q, v) = self.workspace.address, self._middle
         enter, advance = caller_of(self.advancing), int(self.advancing)
         model, data, zero, none = self.model, self.data, self._zero, self._none
-        if not self._planned_on:
+        if not self.goes_on:
             self._until[0] = self.workspace.steps + steps
             caller_of()(self.workspace.address, _PLAN)
-        self._planned_on = False
+        self.goes_on = False
         state = 0
         while state == 0:
             _aba(model, data, q, v, zero, none, _WORLD)
             _inverse(model, data)
             state = enter(address, advance)
             if state == 0 and self.workspace.steps >= pause:
-                self._planned_on = True
+                self.goes_on = True
                 return True
         return bool(state == REACHED)
 
@@ -289,9 +264,9 @@ class Adaptive(MultiRate):
         run["longest_micro"] = STABLE_TURN / highest if highest > 0.0 else np.inf
         self.workspace.keep_copies()
 
-    @property
-    def commands(self) -> tuple[Command, ...]:
-        return (*super().commands, self.advancing)
+    def compile(self) -> None:
+        super().compile()
+        caller_of(self.advancing)
 
 
 class SingleRate(TimeLoop):
@@ -304,11 +279,10 @@ class SingleRate(TimeLoop):
         self._call: tuple[Any, tuple[Any, ...]] = pin.aba, (*state, self._none, _WORLD)
         if len(self._models):
             self._call = pin.constraintDynamics, (*state, self._models, self._datas, PROXIMAL)
-        self._begun = False
 
     def begin(self) -> None:
-        self.workspace.execute(Command.REFRESH if self._begun else Command.BEGIN)
-        self._begun = True
+        self.workspace.execute(Command.REFRESH if self.goes_on else Command.BEGIN)
+        self.goes_on = True
         if self.workspace.needs_jacobians:
             pin.computeJointJacobians(self.model, self.data, self.workspace.q)
             self.workspace.execute(Command.EVALUATE_FORCES)
@@ -317,12 +291,6 @@ class SingleRate(TimeLoop):
 
     def synchronize(self) -> None:
         self.workspace.execute(Command.COMPLETE_STEP)
-
-    def memory(self) -> dict[str, float]:
-        return {"begun": float(self._begun)}
-
-    def recall(self, memory: Mapping[str, float]) -> None:
-        self._begun = bool(memory["begun"])
 
     def stretch(self, steps: int, pause: int) -> bool:
         steps = min(steps, max(pause - self.workspace.steps, 1))

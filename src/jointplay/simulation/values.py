@@ -26,7 +26,6 @@ from jointplay.base.tables import Table, few
 from jointplay.base.units import readable
 from jointplay.model.linkage import DRAWN
 from jointplay.physics.contact import LankaraniNikravesh
-from jointplay.physics.contact.law import FrictionLaw
 from jointplay.physics.joints import Clearance, SlidingClearance
 from jointplay.simulation.initial import settled_drives
 from jointplay.simulation.loads.drive import BANDWIDTH, ComputedTorque, assign
@@ -102,7 +101,11 @@ def of_joint(joint: Clearance, known_fields: Collection[str]) -> Iterator[tuple[
     softer = contact._replace(restitution=0.5 * contact.restitution)  # does the law look at it?
     if joint.normal.parameters(contact) != joint.normal.parameters(softer):
         yield "restitution", f"{joint.restitution:g}", "restitution" in known
-    yield "friction", _law_text(joint.friction), "friction" in known
+    # A friction law with its first parameter, the coefficient.
+    text, name = joint.friction.name, next(iter(fields_of(joint.friction.__class__)), "")
+    if isinstance(coefficient := getattr(joint.friction, name, None), float):
+        text += f" {name} {coefficient:g}"
+    yield "friction", text, "friction" in known
 
 
 def _list(simulation: Simulation, origins: Origins) -> Iterator[tuple[Key, str, tuple[str, str]]]:
@@ -185,22 +188,11 @@ def _fields_of(described: Any, unit: str) -> Iterator[tuple[str, str, bool]]:
     declared = fields_of(described.__class__)
     for field in fields(described):
         value, about = getattr(described, field.name), declared.get(field.name)
-        if about is None or value is None:
-            continue
-        if isinstance(value, bool) or not isinstance(value, float | int | str):
+        if about is None or isinstance(value, bool):
             continue
         same = value == field.default
-        if isinstance(value, float | int):
-            if value == 0.0 and same:
-                continue
+        if isinstance(value, str):
+            yield field.name, value, same
+        elif isinstance(value, float | int) and not (value == 0.0 and same):
             choice = about.units[-1 if unit == "m" and len(about.units) > 1 else 0]
             yield field.name, readable(float(value), choice), same
-        else:
-            yield field.name, value, same
-
-
-def _law_text(law: FrictionLaw) -> str:
-    """Name of a friction law with its first parameter, the coefficient."""
-    name = next(iter(fields_of(law.__class__)), "")
-    first = getattr(law, name, None)
-    return f"{law.name} {name} {first:g}" if isinstance(first, float) else law.name

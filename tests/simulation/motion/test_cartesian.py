@@ -234,7 +234,7 @@ def test_no_pose_is_beyond_the_sphere_of_all_lengths(scara, six_axes):
     assert message.startswith("waypoint 2 at (800, 0, -0.23) m is out of reach: the tool comes no")
     random = np.random.default_rng(0)
     for robot in (scara, six_axes):
-        arm = Arm(robot, None, {}, None)
+        arm = Arm(robot, None, {}, None, False)
         away = [
             float(np.linalg.norm(arm.pose(arm.anywhere(random)).translation - arm.origin))
             for _ in range(200)

@@ -11,13 +11,14 @@ from jointplay.base.errors import JointplayError, require_a
 from jointplay.base.schema import differences, known_keywords, short
 from jointplay.base.tables import Column, Table
 from jointplay.base.units import rounded
-from jointplay.simulation.analysis.headline import figures
+from jointplay.simulation.analysis.headline import headline_of
 from jointplay.simulation.analysis.parts import AGAINST, counted_causes
 from jointplay.simulation.analysis.tool_error import (
     compare_tools,
     difference,
     error_statistics,
     has_tool_error,
+    ideal_tool,
 )
 from jointplay.simulation.analysis.twins import inputs, is_twin
 from jointplay.simulation.analysis.vibration import rattle
@@ -173,8 +174,8 @@ def _figures(result: Result) -> dict[str, CertifiedFigure]:
         certified = {figure.name: figure for figure in result.certificate.headline}
     else:
         certified = {
-            name: CertifiedFigure(name, value, math.inf, unit)
-            for name, (value, unit) in figures(result).items()
+            name: CertifiedFigure(name, figure.value, math.inf, figure.unit)
+            for name, figure in headline_of(result, ideal_tool(result), claims=False).items()
             if name.startswith(HEADLINE)
         }
     with suppress(JointplayError):  # nothing that rattles, or too few records

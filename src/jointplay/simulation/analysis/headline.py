@@ -40,7 +40,6 @@ from jointplay.simulation.analysis.tool_error import (
     error_statistics,
     growth,
     has_tool_error,
-    ideal_tool,
     stops,
     time_weights,
     tops,
@@ -102,12 +101,6 @@ class Measured:
     """Error because the figure is computed from records, not from all steps."""
 
 
-def figures(result: Result) -> dict[str, tuple[float, str]]:
-    """Value and unit of headline figures from `Result.judge_from` on, and of claims' measures."""
-    measured = headline_of(result, ideal_tool(result), claims=True)
-    return {name: (figure.value, figure.unit) for name, figure in measured.items()}
-
-
 def fits(result: Result) -> bool:
     """Whether all histories of a result can be in memory at once."""
     return result.dataset.nbytes <= spool.MOST_BYTES
@@ -165,11 +158,8 @@ class Headline:
         self._judge_from, self._soft, self._ideal = judge_from, soft, ideal
         judged = time[time >= judge_from]
         compared = judged[:0] if ideal is None else judged[judged <= ideal.until]
-        self._count, self._weights, self._compared_weights = (
-            len(judged),
-            time_weights(judged),
-            time_weights(compared),
-        )
+        self._count, self._weights = len(judged), time_weights(judged)
+        self._compared_weights = time_weights(compared)
         self._ends = np.linspace(0, max(self._count - 1, 0), STRETCHES + 1).astype(int)
         self._histories: dict[str, _History] = {}
         self._seen = 0
@@ -206,7 +196,7 @@ class Headline:
             for k, name in enumerate(names):
                 if name not in self._soft:
                     figure = _joint_figure(how, name, len(names) - len(self._soft))
-                    history = self._history(figure, how, "N", self._count)
+                    history = self._histories.setdefault(figure, _History(how, "N", self._count))
                     history.add(sizes[judged, k], self._weights[rows])
         if self._ideal is not None:
             for quantity, of in (("error", "tool_position"), ("turn", "tool_orientation")):
@@ -215,14 +205,11 @@ class Headline:
                 sizes = np.linalg.norm(error.values, axis=1)
                 moves = error["time"].values, growth(error.values, error["rate"].values)
                 for how in ("peak", "RMS"):
-                    unit = error.attrs["units"]
                     weights = self._compared_weights
-                    history = self._history(f"{how} tool {quantity}", how, unit, len(weights))
+                    history = _History(how, error.attrs["units"], len(weights))
+                    history = self._histories.setdefault(f"{how} tool {quantity}", history)
                     history.add(sizes, weights[rows], moves)
         self._add_losses(part, judged)
-
-    def _history(self, name: str, how: str, unit: str, count: int) -> _History:
-        return self._histories.setdefault(name, _History(how, unit, count))
 
     def _add_losses(self, part: xr.Dataset, judged: np.ndarray) -> None:
         """Keep the energy lost, and the work of loads, at the ends of the stretches."""
@@ -459,24 +446,19 @@ def _at_stops(result: Result, error: xr.DataArray) -> list[str]:
 
 
 def _forces(result: Result, joints: list[str], since: str, detail: bool) -> str:
-    """The peak force in each joint, in a line."""
+    """The peak force in each joint, in a line; of linkages with that in the ideal one."""
     forces = result.forces
     forces = forces.sel(time=forces["time"] >= result.judge_from)
+    ideal = json.loads(result.dataset.attrs.get("ideal_forces", "{}"))
     parts: list[str] = []
     for joint in joints:
         sizes = forces.sel(joint=joint).values
         at = float(forces["time"][int(sizes.argmax())])
         peak = peak_force(result, joint, float(sizes.max()), detail)
-        if result.simulation.mechanism.loops:
-            peak += _ideal_force(result, joint)
+        if result.simulation.mechanism.loops and joint in ideal:  # in the same pin
+            peak += f" (ideal {alone(ideal[joint])} N)"
         parts.append(f"in {joint}{'' if parts else since} {peak} at t = {at:.4g} s")
     return f"peak force {few(parts)}"
-
-
-def _ideal_force(result: Result, joint: str) -> str:
-    """The largest force in the same pin of the ideal linkage, in brackets, if it is known."""
-    largest = json.loads(result.dataset.attrs.get("ideal_forces", "{}")).get(joint)
-    return "" if largest is None else f" (ideal {alone(largest)} N)"
 
 
 def peak_force(result: Result, joint: str, largest: float, detail: bool = False) -> str:

@@ -6,9 +6,8 @@ only the windows asked for are kept in full.
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import xarray as xr
@@ -119,13 +118,8 @@ def _phases(run: Run, simulation: Simulation) -> list[Phase]:
     recorded = np.rint(run.workspace.recorded("time") / simulation.step).astype(int)
     first, *others = run.phases
     rows = np.searchsorted(recorded, at[: len(others)])
-    return [
-        first,
-        *(
-            dataclasses.replace(phase, row=int(row))
-            for phase, row in zip(others, rows, strict=True)
-        ),
-    ]
+    moved = [replace(phase, row=int(row)) for phase, row in zip(others, rows, strict=True)]
+    return [first, *moved]
 
 
 def _statistics(run: Run) -> xr.Dataset:

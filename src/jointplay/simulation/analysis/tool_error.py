@@ -299,7 +299,8 @@ def _error(dataset: xr.Dataset, ideal: Mapping[str, np.ndarray], of: str) -> xr.
     ours = dataset[of]
     error: xr.DataArray
     if of == "tool_orientation":
-        turns = _turns(ours.values, ideal[of])
+        # Rotation vectors from the reference to ours, (n, 3).
+        turns = (rotations(ours.values) * rotations(ideal[of]).inv()).as_rotvec()
         along = {"time": dataset["time"].values, "axis": dataset["axis"].values}
         error = xr.DataArray(turns, along, ("time", "axis"), of)
     else:
@@ -329,11 +330,6 @@ def rotations(quaternions: np.ndarray) -> Rotation:
             f"{size[wrong[0]]:g}; the run went wrong, or its records have changed since"
         )
     return Rotation.from_quat(quaternions, scalar_first=True)
-
-
-def _turns(ours: np.ndarray, reference: np.ndarray) -> np.ndarray:
-    """Rotation vectors from a reference to ours, both quaternions (n, 4): shape (n, 3)."""
-    return np.asarray((rotations(ours) * rotations(reference).inv()).as_rotvec())
 
 
 def _interpolation(

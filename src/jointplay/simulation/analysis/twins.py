@@ -333,15 +333,6 @@ def without(result: Result, cause: str) -> Result | None:
     return Result(sent.assign_attrs(simulation=json.dumps(simulation.describe())))
 
 
-def _start(simulation: Simulation) -> str:
-    """Start of a run, ``rest`` or ``centred``: at rest only if an equilibrium is found."""
-    if simulation.start is None and simulation.starts_at_rest:
-        from jointplay.simulation.run import Run  # takes long to import
-
-        simulation = Run(simulation).simulation
-    return "rest" if simulation.starts_at_rest else "centred"
-
-
 def ideal_simulation(source: Simulation | Result, without: str = "elasticity") -> Simulation:
     """The ideal mechanism doing the same work: the reference of the tool error.
 
@@ -363,8 +354,12 @@ def ideal_simulation(source: Simulation | Result, without: str = "elasticity") -
         changes["duration"] = float(source.time[-1]) or simulation.step
         changes["start"] = source.audit.start
     else:
-        simulation = source
-        changes["start"] = _start(simulation)
+        simulation = started = source
+        if source.start is None and source.starts_at_rest:  # if an equilibrium is found
+            from jointplay.simulation.run import Run  # takes long to import
+
+            started = Run(source).simulation
+        changes["start"] = "rest" if started.starts_at_rest else "centred"
     if drives := _through_teeth(simulation):
         changes["drive"] = drives
     if simulation.mechanism.loops and integrator(simulation.integrator).order == 1:

@@ -82,13 +82,11 @@ class Reference:
         last = (self._at + 2) * self._block >= self.nodes
         return math.inf if last else (self._at + 1) * self._block * REFERENCE_NODE_S
 
-    def go_to(self, time: float) -> bool:
-        """Bring the blocks of `time` [s] into memory; returns whether the table changed."""
+    def go_to(self, time: float) -> None:
+        """Bring the blocks of `time` [s] into memory."""
         at = min(int(time / REFERENCE_NODE_S) // self._block, max(self._count - 2, 0))
-        if at == self._at:
-            return False
-        self._take(at)
-        return True
+        if at != self._at:
+            self._take(at)
 
     def memory(self) -> dict[str, Any]:
         """State for checkpoints: that of the ideal mechanism."""
@@ -165,8 +163,6 @@ class DriveRows(NamedTuple):
     drive: np.ndarray
     servo: np.ndarray | None = None
     friction: np.ndarray | None = None
-    armature: float = 0.0
-    """Armature that the model needs at the drive's coordinate [kg m^2 or kg]."""
 
 
 def _make_rows(
@@ -201,9 +197,8 @@ def _make_rows(
         effort = Column(None, drive.times, drive.values)
         return DriveRows([effort], drive_row(column, at, limit=limit))
     if isinstance(drive, Prescribed):
-        armature = PRESCRIBED_ARMATURE * carried[at]
-        row = drive_row(column, at, armature=armature)
-        return DriveRows([Column(follows)], row, armature=armature)
+        row = drive_row(column, at, armature=PRESCRIBED_ARMATURE * carried[at])
+        return DriveRows([Column(follows)], row)
     if isinstance(drive, ComputedTorque):
         assert ideal is not None
         assert follows is not None
@@ -235,7 +230,7 @@ def tabulate(
     bounds: Mapping[str, float] | None = None,
     ahead: float = 0.0,
     speed: np.ndarray | None = None,
-) -> tuple[CoordinateTables, dict[int, float], Reference]:
+) -> tuple[CoordinateTables, Reference]:
     """Tabulate all drives: their gains, and over time what they follow.
 
     Args:
@@ -249,8 +244,8 @@ def tabulate(
             rest.
 
     Returns:
-        The tables at the start; the armature that the model needs, by coordinate [kg m^2 or kg];
-        and the reference, which makes the tables of later times.
+        The tables at the start, whose armature the model must be given; and the reference, which
+        makes the tables of later times.
     """
     nodes = table_nodes(motion, drives, duration)
     follows = [name for name, drive in drives.items() if drive.follows]
@@ -294,9 +289,7 @@ def tabulate(
         REFERENCE_NODE_S,
         nodes,
     )
-    moved = zip((int(part.drive["coordinate"][0]) for part in parts), parts, strict=True)
-    armature = {at: part.armature for at, part in moved if part.armature}
-    return tables, armature, reference
+    return tables, reference
 
 
 def _servo_row(

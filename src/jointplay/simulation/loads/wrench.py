@@ -44,7 +44,6 @@ AXES = ("world", "frame")
 """Axes in which a wrench is given."""
 
 _COMPONENTS = ("fx", "fy", "fz", "mx", "my", "mz")
-_UNITS = ("N",) * 3 + ("N m",) * 3
 
 
 def _wrench_law(time: Any, x: Any, dx: Any, p: Any, out: Any) -> None:
@@ -84,8 +83,8 @@ class _WorldWrench(OnFrame):
 
     def record(self, x: np.ndarray, answers: np.ndarray) -> Sequence[Series]:
         return [
-            Series(name, answers[:, k], unit)
-            for k, (name, unit) in enumerate(zip(_COMPONENTS, _UNITS, strict=True))
+            Series(name, answers[:, k], "N" if k < 3 else "N m")
+            for k, name in enumerate(_COMPONENTS)
         ]
 
 

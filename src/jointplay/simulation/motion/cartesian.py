@@ -127,15 +127,17 @@ class Arm:
 
     Loops must stay closed, and joints that mimic others must follow them: the search has both as
     residuals beside the tool's. The motions that they allow are the columns of `freedoms`. The
-    arguments are those of `cartesian_path`.
+    arguments are those of `cartesian_path`; `turning`: whether orientations are led, too.
 
     Attributes:
+        single: joints of one coordinate.
         joints: joints that the motion names.
         at: their coordinates.
         origin, reach: a fixed point, and the largest distance of the frame from it [m].
         seed: configuration where searches begin, loops closed, shape (nq,).
         mobility: number of independent freedoms.
-        rank: number of directions in which the tool can be led at all (`find_rank`).
+        directions: number of directions in which the tool is led: 6 with its orientation, else 3.
+        rank: number of directions in which it can be led at all (`_find_rank`).
     """
 
     def __init__(
@@ -144,10 +146,12 @@ class Arm:
         frame: str | None,
         start: Mapping[str, float],
         driven: Sequence[str] | None,
+        turning: bool,
     ) -> None:
         self.ideal = ideal = mechanism.ideal()
         self.names = ideal.coordinates
-        balls = [name for name in ideal.joints if name not in ideal.coordinates]
+        self.single = [name for name in ideal.joints if name in self.names]
+        balls = [name for name in ideal.joints if name not in self.names]
         if balls and not ideal.loops:
             raise JointplayError(
                 f"a Cartesian motion cannot move the ball joint {balls[0]!r}, which has no drive"
@@ -158,9 +162,8 @@ class Arm:
         self.frame = frame_index(self.model, ideal.tool if frame is None else frame)
         # Limits, and the sphere of the tool.
         self.low, self.high = np.full((2, len(self.names)), [[-np.inf], [np.inf]])
-        single = [name for name in ideal.joints if name in self.names]
-        at = [ideal.coordinate(name) for name in single]
-        self.low[at], self.high[at] = joint_limits(mechanism, single)
+        self.at = [ideal.coordinate(name) for name in self.single]
+        self.low[self.at], self.high[self.at] = joint_limits(mechanism, self.single)
         self.origin, self.reach = self._sphere()
         # Constraints, and a configuration that keeps them.
         self.mimics: dict[str, Mimic] = {}
@@ -177,11 +180,13 @@ class Arm:
         self.mobility = len(self.names)
         self.mobility = min(self.freedoms(q).shape[1] for q in self._samples())
         self.joints = ideal.joints
-        self.at = [ideal.coordinate(name) for name in ideal.joints if name in ideal.coordinates]
         if ideal.loops:
             self.joints = self._driven(driven)
             self.at = [ideal.coordinate(name) for name in self.joints]
-        self.rank = 0
+        self.directions = 6 if turning else 3
+        self.random = np.random.default_rng(0)
+        self.rank = self._find_rank()
+        self._tolerance = NEARLY_M if self.rank < self.directions else REACHED_M
 
     def _sphere(self) -> tuple[np.ndarray, float]:
         """Centre (3,) and radius [m] of a sphere that the frame does not leave.
@@ -242,9 +247,8 @@ class Arm:
         else:
             chosen = list(dict.fromkeys(driven))
             for name in chosen:
-                if name not in ideal.joints or name not in ideal.coordinates:
-                    single = [joint for joint in ideal.joints if joint in ideal.coordinates]
-                    raise MissingName("joint to drive", name, single, where=("driven",))
+                if name not in self.single:
+                    raise MissingName("joint to drive", name, self.single, where=("driven",))
         held = rank(chosen)
         if held < len(chosen):
             raise JointplayError(
@@ -312,31 +316,31 @@ class Arm:
         held = int(np.count_nonzero(values > _LOST * values.max(initial=ANGLE_ARM_M)))
         return np.asarray(right[held:].T)
 
-    def jacobian(self, q: np.ndarray, turning: bool) -> np.ndarray:
-        """Jacobian of the frame, world axes, angles on `ANGLE_ARM_M`, shape (3 or 6, nv)."""
+    def jacobian(self, q: np.ndarray, directions: int) -> np.ndarray:
+        """Jacobian of the frame, world axes, angles on `ANGLE_ARM_M`, shape (directions, nv)."""
         kind = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
         jacobian = pin.computeFrameJacobian(self.model, self.data, q, self.frame, kind)
         jacobian = jacobian.reshape(6, self.model.nv)
-        if not turning:
+        if directions == 3:
             return jacobian[:3]
         return np.concatenate([jacobian[:3], ANGLE_ARM_M * jacobian[3:]])
 
-    def tool_motions(self, q: np.ndarray, turning: bool) -> np.ndarray:
-        """Motion of the frame with each of `freedoms`, shape (3 or 6, mobility)."""
-        return self.jacobian(q, turning) @ self.freedoms(q)
+    def tool_motions(self, q: np.ndarray, directions: int) -> np.ndarray:
+        """Motion of the frame with each of `freedoms`, shape (directions, mobility)."""
+        return self.jacobian(q, directions) @ self.freedoms(q)
 
-    def find_rank(self, turning: bool) -> None:
-        """Find the largest number of directions in which the tool can be led, over random poses.
+    def _find_rank(self) -> int:
+        """The largest number of directions in which the tool can be led, over random poses.
 
         If they are fewer than asked for, targets need to fit in the others only as exactly as
         numbers in a URDF do.
         """
-        self.random = np.random.default_rng(0)
+        rank = 0
         for _ in range(20):
-            motions = self.tool_motions(self.anywhere(self.random), turning)
+            motions = self.tool_motions(self.anywhere(self.random), self.directions)
             values = np.linalg.svd(motions, compute_uv=False)
-            self.rank = max(self.rank, int(np.sum(values > 10.0 * SINGULAR_M)))
-        self._tolerance = NEARLY_M if self.rank < (6 if turning else 3) else REACHED_M
+            rank = max(rank, int(np.sum(values > 10.0 * SINGULAR_M)))
+        return rank
 
     def anywhere(self, random: np.random.Generator, reach: float | None = None) -> np.ndarray:
         """A random configuration within the limits, its constraints kept.
@@ -356,9 +360,9 @@ class Arm:
                 return end.q
         return self.seed
 
-    def manoeuvrability(self, q: np.ndarray, turning: bool) -> float:
+    def manoeuvrability(self, q: np.ndarray) -> float:
         """Smallest singular value of the tool's motions, of the `rank` that it can have [m]."""
-        values = np.linalg.svd(self.tool_motions(q, turning), compute_uv=False)
+        values = np.linalg.svd(self.tool_motions(q, self.directions), compute_uv=False)
         return float(values[self.rank - 1]) if self.rank else 0.0
 
     def authority(self, q: np.ndarray) -> float:
@@ -372,9 +376,10 @@ class Arm:
             return 0.0
         return float(np.linalg.svd(base[self.at], compute_uv=False)[-1])
 
-    def attainable(self, turning: bool) -> str:
+    def attainable(self) -> str:
         """Components of the frame's pose that the mechanism can lead, in words."""
-        moves = [self.tool_motions(q, True) for q in self._samples()]
+        turning = self.directions == 6
+        moves = [self.tool_motions(q, 6) for q in self._samples()]
         largest = np.max([np.abs(motion).max(axis=1) for motion in moves], axis=0)
         able = [axis for axis, size in zip("xyz", largest[:3], strict=True) if size > SINGULAR_M]
         turns = [axis for axis, size in zip("xyz", largest[3:], strict=True) if size > SINGULAR_M]
@@ -456,7 +461,7 @@ class Arm:
         constraints = self.constraint_rows(q)
         if target is None:
             return constraints
-        return np.concatenate([self.jacobian(q, target.turn is not None), constraints])
+        return np.concatenate([self.jacobian(q, self.directions), constraints])
 
     def approach(self, q: np.ndarray, target: Target) -> SearchEnd:
         """Search for `target` from q, where the loops are closed, without a jump to another branch.
@@ -611,8 +616,7 @@ def cartesian_path(
     """
     require_known("path", path, PATHS)
     moments, targets = _waypoints(times, positions, orientations)
-    arm = Arm(mechanism, frame, start or {}, driven)
-    arm.find_rank(orientations is not None)
+    arm = Arm(mechanism, frame, start or {}, driven, orientations is not None)
     for i, target in enumerate(targets):
         with within("positions", i):
             _require_near(arm, target, f"waypoint {i + 1}")
@@ -668,8 +672,7 @@ def reachable(
         JointplayError: wrong shapes or numbers; a mechanism whose tool cannot be led at all.
     """
     _, targets = _waypoints(np.arange(len(positions), dtype=float), positions, orientations)
-    arm = Arm(mechanism, frame, start or {}, driven)
-    arm.find_rank(orientations is not None)
+    arm = Arm(mechanism, frame, start or {}, driven, orientations is not None)
     able = np.zeros(len(targets), bool)
     seeds, places = [arm.seed], [arm.pose(arm.seed).translation.copy()]
     shown = ProgressBar(targets, "poses", delay=1.0, leave=False) if progress else targets
@@ -697,8 +700,8 @@ def _followers_at(arm: Arm, q: np.ndarray) -> dict[str, float]:
             return {}
     return {
         name: float(q[arm.names.index(name)])
-        for name in arm.ideal.joints
-        if name in arm.names and name not in arm.joints and name not in arm.mimics
+        for name in arm.single
+        if name not in arm.joints and name not in arm.mimics
     }
 
 
@@ -780,7 +783,7 @@ def _solve(
 
 def _require_regular(arm: Arm, q: np.ndarray, target: Target, label: str) -> None:
     """Refuse a singular configuration: of type 1, or in loops of type 2."""
-    smallest = arm.manoeuvrability(q, target.turn is not None)
+    smallest = arm.manoeuvrability(q)
     if smallest < SINGULAR_M:
         raise JointplayError(_singular(arm, label, target, smallest))
     if not arm.ideal.loops:
@@ -811,11 +814,7 @@ def _search_elsewhere(
     if branch is not None:
         if first:
             return branch
-        values = ", ".join(
-            f"{name} = {branch.q[arm.names.index(name)]:.4g}"
-            for name in arm.ideal.joints
-            if name in arm.names
-        )
+        values = ", ".join(f"{name} = {branch.q[arm.names.index(name)]:.4g}" for name in arm.single)
         remedy = f"; another branch reaches it, such as {values}: choose it by start"
     unlimited = np.full(len(seed), np.inf)
     beyond = arm.search(seed, target, (-unlimited, unlimited))
@@ -830,14 +829,13 @@ def _search_elsewhere(
             f"{label} at {target} cannot be reached from the waypoint before{remedy}"
         )
     best = min([attempt, *tries], key=lambda end: float(np.linalg.norm(end.residual)))
-    smallest = arm.manoeuvrability(best.q, target.turn is not None)
+    smallest = arm.manoeuvrability(best.q)
     if np.linalg.norm(best.residual) < NEARLY_M and smallest < SINGULAR_M:
         raise JointplayError(_singular(arm, label, target, smallest))
-    turning = target.turn is not None
     best = arm.nearest_miss(best, target)
     distance = np.linalg.norm(best.residual[:3])
-    angle = np.linalg.norm(best.residual[3:6]) / ANGLE_ARM_M if turning else 0.0
-    able = f": {arm.attainable(turning)}" if arm.rank < (6 if turning else 3) else ""
+    angle = np.linalg.norm(best.residual[3 : arm.directions]) / ANGLE_ARM_M
+    able = f": {arm.attainable()}" if arm.rank < arm.directions else ""
     raise JointplayError(
         f"{label} at {target} is out of reach: {distance:.4g} m and {angle:.4g} rad remain; "
         f"{'move it closer' if distance > NEARLY_M else 'turn it less'}{able}"

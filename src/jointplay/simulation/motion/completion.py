@@ -81,8 +81,6 @@ def complete_motion(
     ]
     if mechanism.loops:
         return _beside_loops(mechanism, motion, start, missing)
-    if not missing:
-        return CompleteMotion(motion, {}, {})
     held: dict[str, float] = {}
     columns = dict(zip(motion.joints, motion.positions.T, strict=True))
     mimics: dict[str, Mimic] = {}

@@ -120,8 +120,15 @@ class IdealMotion:
         """
         if self._ideal.loops:
             return self._with_loops(times, progress)
-        free = self._ideal.free_base is not None
-        return (self._with_free_base if free else self._of_tree)(times, progress)
+        if self._ideal.free_base is not None:
+            return self._with_free_base(times, progress)
+        model, data, at = self._ideal.model, self._ideal.data, self._at
+        effort = np.empty((len(times), len(at)))
+        for first in _shown(range(0, len(times), _PORTION), progress):
+            states = self._on_reference(times[first : first + _PORTION])
+            for i, state in enumerate(zip(*states, strict=True), first):
+                effort[i] = pin.rnea(model, data, *state)[at]
+        return effort
 
     def alike(self) -> tuple[tuple[object, ...], pin.Model] | None:
         """All that efforts depend on besides motion and times; None: on earlier calls, in loops."""
@@ -141,25 +148,18 @@ class IdealMotion:
         if self._ideal.loops:
             curve = self._closed_curve(times, False)[0]
             return curve(times), curve(times, 1)
-        q, v = np.zeros((2, len(times), self._ideal.model.nv))
-        q[:] = self._base
-        place, speed, _ = self._motion(times)
-        q[:, self._at], v[:, self._at] = place[:, self._order], speed[:, self._order]
+        q, v, _ = self._on_reference(times)
         return q, v
 
-    def _of_tree(self, times: np.ndarray, progress: bool) -> np.ndarray:
-        model, data, at = self._ideal.model, self._ideal.data, self._at
-        effort = np.empty((len(times), len(at)))
-        for first in _shown(range(0, len(times), _PORTION), progress):
-            portion = times[first : first + _PORTION]
-            q, v, a = (np.zeros((len(portion), model.nv)) for _ in range(3))
-            q[:] = self._base
-            q[:, at], v[:, at], a[:, at] = (
-                values[:, self._order] for values in self._motion(portion)
-            )
-            for i, state in enumerate(zip(q, v, a, strict=True), first):
-                effort[i] = pin.rnea(model, data, *state)[at]
-        return effort
+    def _on_reference(self, times: np.ndarray) -> tuple[np.ndarray, ...]:
+        """Configurations, velocities and accelerations with the driven joints on their reference
+        and all others at rest where they start, (n, nv) each.
+        """
+        q, v, a = (np.zeros((len(times), self._ideal.model.nv)) for _ in range(3))
+        q[:] = self._base
+        for values, reference in zip((q, v, a), self._motion(times), strict=True):
+            values[:, self._at] = reference[:, self._order]
+        return q, v, a
 
     def memory(self) -> dict[str, list[float]]:
         """Closed configurations, for checkpoints: efforts then go on bit for bit."""
@@ -207,10 +207,7 @@ class IdealMotion:
 
         The base, turned by `turn` since the start, moves so that the whole keeps its momentum.
         """
-        q, v, a = self._base.copy(), np.zeros(len(self._base)), np.zeros(len(self._base))
-        q[self._at], v[self._at], a[self._at] = (
-            values[0, self._order] for values in self._motion(np.array([time]))
-        )
+        q, v, a = (rows[0] for rows in self._on_reference(np.array([time])))
         data = self._ideal.data
         pin.ccrba(self._ideal.model, data, q, v)
         lacking = np.concatenate([-data.hg.linear, turn.T @ self._momentum - data.hg.angular])

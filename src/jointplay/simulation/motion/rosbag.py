@@ -235,7 +235,8 @@ def _points(message: Any, where: str) -> tuple[list[str], np.ndarray, np.ndarray
                 f"{where}: point {number} has {len(point.positions)} positions for "
                 f"{len(joints)} joints"
             )
-    times = np.array([_seconds(point.time_from_start) for point in points])
+    starts = [point.time_from_start for point in points]
+    times = np.array([float(start.sec) + 1e-9 * float(start.nanosec) for start in starts])
     positions = np.array([list(point.positions) for point in points], float)
     return joints, times, positions.reshape(len(points), len(joints))
 
@@ -258,7 +259,3 @@ def _states(messages: Iterable[Any], where: str) -> tuple[list[str], np.ndarray,
         [(s.sec - first.sec) + 1e-9 * (s.nanosec - first.nanosec) for s, _ in rows], float
     )
     return joints, times, np.array([[row[name] for name in joints] for _, row in rows], float)
-
-
-def _seconds(time: Any) -> float:
-    return float(time.sec) + 1e-9 * float(time.nanosec)

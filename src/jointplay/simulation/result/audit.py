@@ -443,11 +443,10 @@ class Auditor:
         self._peaks = np.maximum(self._peaks, records.recorded("normal_peak").max(axis=(0, 2)))
         peaks = records.recorded("force_peak")
         sizes = lengths(peaks).max(axis=1)
-        late = records.recorded("time") >= self._judged_from
+        time, force = records.recorded("time"), records.recorded("force")
+        late = time >= self._judged_from
         self._peak = _larger(self._peak, sizes[late])
         self._peak_before = _larger(self._peak_before, sizes[~late])
-        time = records.recorded("time")
-        force = records.recorded("force")
         if self._before is not None:
             time = np.concatenate([self._before[0], time])
             force = np.concatenate([self._before[1], force])

@@ -195,8 +195,7 @@ class HistoryBuilder:
             names = variables.contact_names(mechanism)
             coordinates |= {"joint": list(mechanism.clearance), "contact": names}
         else:
-            closed = [name for name in mechanism.loops if name not in mechanism.clearance]
-            coordinates["moving_joint"] = [*mechanism.joints, *closed]
+            coordinates["moving_joint"] = [*mechanism.joints, *mechanism.loops]
         if self._strict:
             coordinates["loop"] = self._strict
         return coordinates

@@ -58,7 +58,12 @@ def check(dataset: xr.Dataset, path: Path) -> None:
                 f"its step is {description['step']!r} s in one place and {step!r} in another"
             )
         if "certificate" in dataset.attrs:
-            _check_certificate(dataset)
+            certificate = _described(dataset, "certificate", Certificate)
+            try:
+                for figure in Certificate.from_description(certificate).figures:
+                    str(figure)
+            except (ArithmeticError, ValueError) as error:
+                raise JointplayError(f"certificate: a figure is invalid: {error}") from None
         _check_histories(dataset, description)
     except JointplayError as error:
         raise damaged(path, "result", error) from None
@@ -88,15 +93,6 @@ def _check_attributes(dataset: xr.Dataset) -> None:
         float(wall)
     except (TypeError, ValueError):
         raise JointplayError(f"its attribute 'wall_time_s' is not a number: {wall!r:.60}") from None
-
-
-def _check_certificate(dataset: xr.Dataset) -> None:
-    description = _described(dataset, "certificate", Certificate)
-    try:
-        for figure in Certificate.from_description(description).figures:
-            str(figure)
-    except (ArithmeticError, ValueError) as error:
-        raise JointplayError(f"certificate: a figure is invalid: {error}") from None
 
 
 def _json(name: str, text: Any) -> Any:
