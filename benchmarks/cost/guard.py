@@ -21,7 +21,8 @@ from cost import scale
 
 from jointplay.base.files import temporary
 from jointplay.base.tables import Table
-from jointplay.simulation.analysis.headline import figures
+from jointplay.simulation.analysis.headline import headline_of
+from jointplay.simulation.analysis.tool_error import ideal_tool
 
 BASELINE = Path(__file__).with_name("baseline.json")
 
@@ -59,11 +60,11 @@ def accuracy():
     """Errors of the default settings, relative: the loaded SCARA against a finer run of itself."""
     case = Case(loaded=True)
     simulation = case.simulation(duration=ACCURACY_S)
-    plain = figures(simulation.run())
-    fine = figures(replace(simulation, **FINE).run())
+    runs = simulation.run(), replace(simulation, **FINE).run()
+    plain, fine = (headline_of(run, ideal_tool(run), claims=True) for run in runs)
     return {
-        f"accuracy: {name}": abs(plain[name][0] - value) / abs(value)
-        for name, (value, _) in fine.items()
+        f"accuracy: {name}": abs(plain[name].value - figure.value) / abs(figure.value)
+        for name, figure in fine.items()
         if name.startswith(("RMS joint force", "dissipated energy"))
     }
 

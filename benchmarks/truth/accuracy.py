@@ -42,7 +42,8 @@ from jointplay import analysis
 from jointplay.base.processes import cores
 from jointplay.physics.contact import FRICTION_LAWS
 from jointplay.physics.kernel.constants import DEFAULT
-from jointplay.simulation.analysis.headline import figures
+from jointplay.simulation.analysis.headline import headline_of
+from jointplay.simulation.analysis.tool_error import ideal_tool
 from jointplay.simulation.result.audit import Audit
 from jointplay.simulation.result.certificate import COUNTS, HEADLINE
 
@@ -205,8 +206,14 @@ class Truth:
         return "outside" if warned or away <= stated else "silent"
 
 
-def headline(found: dict[str, tuple[float, str]]) -> dict[str, tuple[float, str]]:
-    return {name: of for name, of in found.items() if name.startswith(HEADLINE)}
+def headline(result: jp.Result) -> dict[str, tuple[float, str]]:
+    """Value and unit of a result's headline figures."""
+    figures = headline_of(result, ideal_tool(result), claims=True)
+    return {
+        name: (figure.value, figure.unit)
+        for name, figure in figures.items()
+        if name.startswith(HEADLINE)
+    }
 
 
 def kind_of(figure: str) -> str:
@@ -225,7 +232,7 @@ def truth(simulation: jp.Simulation, by: str = DEFAULT) -> tuple[dict[str, Truth
 
     def found(times: int, aside: Vector | None = None) -> dict[str, tuple[float, str]]:
         run = converged(finer(simulation, times, by), aside)
-        return headline(figures(analysis.measured_against(run, ideal)))
+        return headline(analysis.measured_against(run, ideal))
 
     coarser = found(times // 2)
     for halving in range(HALVINGS + 1):
@@ -319,7 +326,7 @@ def judge(
     if result.status != jp.Status.COMPLETED:
         return outcome([], f"the run {result.message}")
     ideal = converged(analysis.ideal_simulation(result))
-    own = headline(figures(analysis.measured_against(result, ideal)))
+    own = headline(analysis.measured_against(result, ideal))
     try:
         known, step = truth(case.simulation, by)
     except NoTruthError as error:
