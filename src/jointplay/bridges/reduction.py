@@ -323,8 +323,7 @@ def reduce_all(
         finished = len(results)
         try:
             with overall(2.0 * period * (len(reducible) - finished), progress):
-                for _ in Study(reducible, task, results).outcomes(jobs):
-                    pass
+                Study(reducible, task, results).run(jobs)
         except KeyboardInterrupt as error:
             if store is None or not results:
                 raise

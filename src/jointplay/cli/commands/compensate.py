@@ -28,8 +28,8 @@ def declare(parser: Parser) -> None:
         'friction 50 %, payload 20 %, stiffness 30 %", or "identified, payload 20 %" with the '
         "intervals of --preset FILE (default: those, if it has any, or exact): both motions are "
         "run at the corners of that")
-    add("--approach", **FLAG, help="where friction leaves open on which side teeth rest at a stop, "
-        "reach it from one side: the tool arrives aside, and the joint creeps while it stands")
+    add("--approach", **FLAG, help="reach stops from one side where friction leaves open on which "
+        "side teeth rest: the tool arrives aside, and the joint creeps while it stands")
     add("--tool-size", **LENGTH, help="size of the tool or its load: weighs the tool's rotation "
         "against its position (default: position first, rotation as far as that leaves joints "
         "free)")

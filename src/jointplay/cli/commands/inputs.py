@@ -57,15 +57,15 @@ OPTIONS: dict[str, dict[str, dict[str, Any]]] = {
     },
     "joints with clearance": {
         "--joint": dict(**REPEATED, metavar="NAME[=LENGTH|=FIT|=BEARING]", help="joint with "
-            "clearance, optionally with its radial clearance, its fit by ISO 286-1, such as "
-            'elbow="20H7/g6", or the designation of its rolling bearing, such as elbow="6010/C3"; '
-            "the options of this group, of contacts and of impacts apply to these joints"),
-        "--clearance": dict(metavar="VALUE", type=number, help="radial clearance of these "
-            "joints, or of all that move the tool; of sliders, that on each side [m]"),
+            "clearance, optionally its radial clearance, ISO 286 fit or rolling bearing, such as "
+            'elbow="0.1 mm", elbow="20H7/g6" or elbow="6010/C3"; the options of this group, of '
+            "contacts and of impacts apply to these joints"),
+        "--clearance": dict(metavar="VALUE", type=number, help="radial clearance of the "
+            "joints of --joint, or of all that move the tool; of sliders, that on each side [m]"),
         "--ideal": dict(**FLAG, help="the robot without clearance and without play in gears"),
         "--preset": dict(nargs="?", const="", metavar="NAME", help="joints, gears and drives as "
-            "they are publicly known, or assumed for a class of robots (jointplay robots --presets "
-            "lists them; without NAME that of ROBOT); other options override it"),
+            "publicly known of a robot, or assumed for a class of robots (jointplay robots "
+            "--presets lists them; without NAME that of ROBOT); other options override it"),
     },
     "gears": {
         "--gear": dict(**REPEATED, metavar="JOINT=PLAY", help="total play of a joint's gear or "
@@ -77,7 +77,7 @@ OPTIONS: dict[str, dict[str, dict[str, Any]]] = {
             "viscous [N m s/rad or N s/m] friction (default: from the URDF)"),
         "--payload": dict(**MASS, help="mass held at the tool"),
         "--registers": dict(metavar="P=N,...", help="gains of servos as their registers have "
-            "them, such as P=16,D=32,I=0 of LeRobot, or elbow_flex:P=16 of one joint (repeatable); "
+            "them, such as P=16,D=32,I=0 of LeRobot, or elbow_flex:P=16 of one joint; "
             "docs/drives.md has the units", **REPEATED),
     },
     "poses": {
