@@ -2,7 +2,7 @@
 
 A file has a line of JSON (`Head`), the object as the compiler wrote it, and a hash of both: what is
 damaged, of other sources, of other types or for another processor is none. Those that come with the
-package lie beside this module in `FOLDER`; those made here in the first of these that can be
+package lie in its folder `FOLDER`; those made here in the first of these that can be
 written to: NUMBA_CACHE_DIR, the package's own folder, the user's cache.
 """
 

@@ -56,7 +56,7 @@ def prescribe_motion(run, q, v, time):
 
 @compiled
 def apply_drives(run, q, v, time, tau):
-    """Write the drives' efforts at state (q, v) into `apply_drives` and add them to tau."""
+    """Write the drives' efforts at state (q, v) into `run.drive` and add them to tau."""
     before, after, part = reference_rows(run, time)
     effort = run.drive
     for row in run.drives:
