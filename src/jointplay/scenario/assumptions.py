@@ -12,6 +12,7 @@ from jointplay.base.units import readable
 from jointplay.model.gear import Gear
 from jointplay.model.gear_rules import SPREAD
 from jointplay.model.inertias import impossible_inertias
+from jointplay.physics.joints.base import SlidingClearance
 from jointplay.simulation.loads.drive import BANDWIDTH
 from jointplay.simulation.values import of_joint
 
@@ -161,6 +162,10 @@ def undecided_at_rest(
     """
     origins, causes = scenario.origins(case), list[str]()
     for name, joint in mechanism.clearance.items():
+        if joint.has_play and isinstance(joint, SlidingClearance) and joint.fitted is None:
+            across, instead = next(iter(joint.clearance_fields.items()))
+            if not {across, instead} & given(origins, "joints", name):
+                causes.append(f"clearance of {readable(getattr(joint, across), 'm')}")
         sizes = [key for key in ("bearing_radius", "bearing_length") if hasattr(joint, key)]
         known = given(origins, "joints", name) | ({sizes[0]} if joint.fitted and sizes else set())
         if len(sizes) == 2 and not known.issuperset(sizes):
