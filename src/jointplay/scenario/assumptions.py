@@ -153,6 +153,22 @@ def by_rule(mechanism: Mechanism, quantity: str) -> list[str]:
     ]
 
 
+def assumed(causes: Collection[str]) -> str:
+    """A clause on assumed values, which ends a sentence; empty without any."""
+    return f"; assumed: {', '.join(causes)}" if causes else ""
+
+
+def assumed_clearances(scenario: Scenario, case: str, mechanism: Mechanism) -> list[str]:
+    """Clearances that nobody gave, to which the error is proportional, a few words each."""
+    origins, causes = scenario.origins(case), list[str]()
+    for name, joint in mechanism.clearance.items():
+        if joint.has_play and isinstance(joint, SlidingClearance) and joint.fitted is None:
+            across, instead = next(iter(joint.clearance_fields.items()))
+            if not {across, instead} & given(origins, "joints", name):
+                causes.append(f"clearance of {readable(getattr(joint, across), 'm')}")
+    return list(dict.fromkeys(causes))
+
+
 def undecided_at_rest(
     scenario: Scenario, case: str, mechanism: Mechanism, loaded: bool
 ) -> list[str]:
@@ -160,12 +176,8 @@ def undecided_at_rest(
 
     `loaded`: whether it bears loads that its drives do not know.
     """
-    origins, causes = scenario.origins(case), list[str]()
+    origins, causes = scenario.origins(case), assumed_clearances(scenario, case, mechanism)
     for name, joint in mechanism.clearance.items():
-        if joint.has_play and isinstance(joint, SlidingClearance) and joint.fitted is None:
-            across, instead = next(iter(joint.clearance_fields.items()))
-            if not {across, instead} & given(origins, "joints", name):
-                causes.append(f"clearance of {readable(getattr(joint, across), 'm')}")
         sizes = [key for key in ("bearing_radius", "bearing_length") if hasattr(joint, key)]
         known = given(origins, "joints", name) | ({sizes[0]} if joint.fitted and sizes else set())
         if len(sizes) == 2 and not known.issuperset(sizes):

@@ -177,11 +177,6 @@ class Flag:
     def attribute(self) -> str:
         return self.name.removeprefix("--").replace("-", "_")
 
-    @property
-    def read(self) -> Callable[[str], Any]:
-        """Converts the option's text to a value of the scenario."""
-        return READERS.get(self.attribute, number)
-
 
 FLAGS = tuple(
     Flag(name, tuple(tuple(key.split(".")) for key in keys.split()))
@@ -205,7 +200,8 @@ def declare(parser: Parser, *groups: str, required: bool = False) -> None:
         section = parser.add_argument_group(title) if title and wanted else parser
         for name, declared in wanted.items():
             if name in flags:
-                declared = {"type": flags[name].read, "metavar": "VALUE"}
+                reader = READERS.get(flags[name].attribute, number)
+                declared = {"type": reader, "metavar": "VALUE"}
             action = section.add_argument(name, **declared)
             if name in flags:
                 # Only the help needs explanations, which load the scenario's tables.
@@ -365,25 +361,26 @@ def whole_errors(options: argparse.Namespace, scenario: Scenario) -> dict[str, A
 
 def simulation_of(
     options: argparse.Namespace, refuse: Callable[[Simulation], object] = lambda _: None
-) -> Simulation:
-    """The single simulation that the options describe; its notes are printed.
+) -> tuple[Simulation, str]:
+    """The single simulation that the options describe, and a clause on clearances that nobody gave;
+    its notes are printed.
 
     Raises:
         JointplayError: several cases, or what `jointplay run` or `refuse` would refuse.
     """
-    from jointplay.scenario.assumptions import decisive
+    from jointplay.scenario.assumptions import assumed, assumed_clearances, decisive
 
     scenario = scenario_of(options)
+    case = options.case or scenario.cases[0]
     simulation = scenario.simulation(options.case)
     scenario.ready_run(options.case)  # refuses what cannot run, with the line in the file
     refuse(simulation)
-    lines = decisive(scenario, {options.case or scenario.cases[0]: simulation})
+    lines = decisive(scenario, {case: simulation})
     for line in commands.first_notes(lines, getattr(options, "detail", True)):
         streams.note(line)
     time = simulation.duration or (simulation.motion and simulation.motion.duration)
-    moves = simulation.motion is not None
-    streams.note(f"one cycle: {time:g} s simulated" if moves else "no motion")
-    return simulation
+    streams.note(f"one cycle: {time:g} s simulated" if simulation.motion else "no motion")
+    return simulation, assumed(assumed_clearances(scenario, case, simulation.mechanism))
 
 
 def named_joints(options: argparse.Namespace) -> dict[str, str | None]:
