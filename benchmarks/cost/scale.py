@@ -30,8 +30,7 @@ from jointplay.base.tables import Table
 from jointplay.study import open_sweep, plan_of
 from jointplay.study.case import Bench, job
 from jointplay.study.measures import COST
-from jointplay.study.outcome import DONE, Outcome
-from jointplay.study.store import SweepStore
+from jointplay.study.store import DONE, Outcome, SweepStore
 from jointplay.study.sweeps import workers_for
 
 CLEARANCES = ["joints.joint_b.radial_clearance", "joints.joint_b.axial_clearance"]

@@ -210,6 +210,11 @@ def energies(cases):
         jp.BallBearing(designation="7206 B DF", preload=150.0),
         jp.CrossedRollerBearing(designation="RB5013 C0"),
     ):
+
+        def answer(centre, axes, cage, bearing=bearing):
+            pose = np.concatenate([centre, axes.ravel()])[None]
+            return elastic.answers(bearing.law, bearing.resultant, pose, cage)[0]
+
         slope, about = 0.0, 0.0
         for _ in range(20):
             size = bearing.search_radius
@@ -217,13 +222,11 @@ def energies(cases):
             lean = random.normal(size=2) * 4.0 * size / bearing.d_pitch
             axes = pin.exp3(np.append(lean, 0.7))
             cage = random.uniform(0.0, 1.0)
-            state = bearing._state(centre, axes, cage)
-            if state.energy == 0.0:
+            out = answer(centre, axes, cage)
+            if out[resultant.ENERGY] == 0.0:
                 continue
-            pose = np.concatenate([centre, axes.ravel()])[None]
-            out = elastic.answers(bearing.law, bearing.resultant, pose, cage)[0]
             taken = bearing.resultant[resultant.RATIO] * out[resultant.CAGE_SLOPE]
-            wrench = state.wrench.copy()
+            wrench = out[:6].copy()
             wrench[3:] += taken * axes[:, 2]  # the cage stands
             scale = np.array([1.0] * 3 + [2.0 / bearing.d_pitch] * 3)
             about = max(about, abs(wrench[3:] @ axes[:, 2]) / np.linalg.norm(wrench * scale))
@@ -234,7 +237,7 @@ def energies(cases):
                 for way in (2.0, 1.0, -1.0, -2.0):
                     move = way * step * np.eye(6)[k]
                     turned = pin.exp3(move[3:]) @ axes
-                    ends.append(bearing._state(centre + move[:3], turned, cage).energy)
+                    ends.append(answer(centre + move[:3], turned, cage)[resultant.ENERGY])
                 found[k] = (ends[0] - 8.0 * ends[1] + 8.0 * ends[2] - ends[3]) / (12.0 * step)
             wrong = np.linalg.norm((found - wrench) * scale) / np.linalg.norm(wrench * scale)
             slope = max(slope, wrong)

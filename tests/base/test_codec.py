@@ -3,6 +3,7 @@
 import dataclasses
 import json
 import math
+import textwrap
 from contextlib import suppress
 from dataclasses import dataclass, field
 
@@ -176,7 +177,7 @@ def test_nothing_but_finite_numbers_passes_for_a_number(value):
 
 
 def test_the_example_of_fields_has_a_field_that_may_be_left_out():
-    text = schema.__doc__.partition("\n\n")[2]
+    text = textwrap.dedent(schema.__doc__.partition("\n\n")[2].partition("\n\n1. ")[0])
     space = {"dataclass": dataclasses.dataclass, "__name__": __name__, **vars(schema)}
     exec(text, space)
     spring = space["LinearSpring"]

@@ -268,7 +268,7 @@ def test_a_rolling_bearing_is_free_as_far_as_its_free_set(arm, tmp_path, capsys)
         upper = float(joints[f"shoulder.{freedom}"].find("limit").get("upper"))
         # Across and in tilt it is that along one axis; between two balls there is a little more.
         near = 0.03 if freedom == "roll" else 1e-9
-        assert upper == pytest.approx(play.support(np.eye(6)[place]).value[0], rel=near)
+        assert upper == pytest.approx(play.support(np.eye(6)[[place]]).value[0], rel=near)
     upper = float(joints["elbow.x"].find("limit").get("upper"))
     assert upper == pytest.approx(LIMIT_FACTOR * 50e-6)
 

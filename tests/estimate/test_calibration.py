@@ -15,7 +15,7 @@ from jointplay import JointplayError, Mechanism, calibrate, encoder_differences
 from jointplay.cli import main
 from jointplay.estimate import StaticPoses, Term, calibration, inference, plan_calibration
 from jointplay.estimate.kinematic_model import Poses
-from jointplay.estimate.selection import improves
+from jointplay.estimate.known import improves
 from jointplay.estimate.static_poses import rigid_body, rotation_vectors, rotations_of, same_labels
 from jointplay.model.payload import Payload
 from jointplay.scenario.presets import preset

@@ -17,7 +17,7 @@ import jointplay as jp
 from jointplay import JointplayError, Mechanism
 from jointplay.cli import main
 from jointplay.estimate.gauge import Readings, identify_gauged, plan_gauge
-from jointplay.estimate.measurement import tool_positions
+from jointplay.estimate.visits import tool_positions
 from jointplay.model.gear import Gear
 from jointplay.scenario.presets import preset
 from jointplay.show.plots.design import reversal_loops

@@ -30,10 +30,12 @@ from jointplay.estimate import (
     plan_measurement,
     planning,
 )
-from jointplay.estimate.identification import reason
+from jointplay.estimate.known import widest
 from jointplay.estimate.least_squares import Fit, LeastSquares, minimum
-from jointplay.estimate.measurement import places, resolution, scatter, turns
+from jointplay.estimate.measurement import resolution, scatter
+from jointplay.estimate.reasons import reason
 from jointplay.estimate.unknowns import Unknown
+from jointplay.estimate.visits import places, turns
 from jointplay.model.collisions import SelfCollision
 from jointplay.physics.contact import Ambrosio
 from jointplay.scenario.presets import preset
@@ -515,8 +517,8 @@ def test_stops_are_at_the_same_place_only_close_together():
 
 def test_small_values_are_told_with_an_interval_up_to_an_eighth_of_their_scale():
     clearance = Unknown("j", "radial_clearance", "m", 4e-5, 4e-5, 1e-3)
-    assert clearance.widest(0.0) == clearance.widest(1e-5) == pytest.approx(5e-6)
-    assert clearance.widest(2e-5) == pytest.approx(1e-5)
+    assert widest(clearance, 0.0) == widest(clearance, 1e-5) == pytest.approx(5e-6)
+    assert widest(clearance, 2e-5) == pytest.approx(1e-5)
 
 
 @pytest.mark.thorough

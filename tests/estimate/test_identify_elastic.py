@@ -15,8 +15,8 @@ from jointplay import Gear, JointplayError, Mechanism, RevoluteClearance, identi
 from jointplay.cli import main
 from jointplay.estimate import Measurement
 from jointplay.estimate.machine import apply, compliances
-from jointplay.estimate.measurement import visits
 from jointplay.estimate.unknowns import Estimate, Unknown
+from jointplay.estimate.visits import cut_into_visits
 from jointplay.physics.contact import Ambrosio
 from jointplay.simulation.loads import JointFriction
 
@@ -248,7 +248,7 @@ def test_a_stop_holds_the_records_within_which_nothing_moves(arm, rate, apart):
     time = np.sort(np.concatenate([time, time + apart])) if apart else time
     angle = np.interp(time, [0.0, 2.0, 4.0, 6.0], [0.0, 0.5, 0.5, 1.0])
     signals = {("motor", "shoulder"): angle, ("motor", "elbow"): 0.0 * time, ("tool", "x"): angle}
-    made, _ = visits(expected(arm, 60e-6), Measurement(time, signals), None)
+    made, _ = cut_into_visits(expected(arm, 60e-6), Measurement(time, signals), None)
     (stop,) = np.flatnonzero(made.stopped)
     assert made.time[stop, 1] == pytest.approx(4.0, abs=max(1.01 / rate, 0.04))
     moving = ~made.stopped

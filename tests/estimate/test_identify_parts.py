@@ -10,10 +10,10 @@ from truth.identify import part_machine, rows_of
 
 import jointplay as jp
 from jointplay.estimate.machine import Machine, apply, compliances
-from jointplay.estimate.measurement import visits
 from jointplay.estimate.model import StaticModel
 from jointplay.estimate.parts import Elements, Springs, Teeth, with_values
 from jointplay.estimate.unknowns import Estimate, Unknown
+from jointplay.estimate.visits import cut_into_visits
 
 BALL = jp.BallBearing(designation="6204", radial_clearance=15e-6)
 PAIR = jp.BallBearing(designation="7206 B", arrangement="DB", preload=200.0)
@@ -125,7 +125,7 @@ def test_the_static_model_is_that_of_the_parts(seed, monkeypatch):
     signals = {("motor", name): kept["motor"][:, k] for k, name in enumerate(names)}
     for i, axis in enumerate("xyz"):
         signals["tool", axis], signals["force", axis] = kept["tool"][:, i], kept["force"][:, i]
-    made, observed = visits(robot, jp.Measurement(one.measured.time, signals), None)
+    made, observed = cut_into_visits(robot, jp.Measurement(one.measured.time, signals), None)
     machine = Machine(robot, {}, compliances(robot, {}))
     unknowns = machine.unknowns([], True, ["stiffness"])
     model = StaticModel(machine, made, observed.keys, unknowns)

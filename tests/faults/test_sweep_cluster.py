@@ -17,8 +17,7 @@ import jointplay as jp
 from jointplay.study import plan_of
 from jointplay.study.case import job
 from jointplay.study.cluster import TRIES, ClusterWorkers
-from jointplay.study.outcome import DONE, Outcome
-from jointplay.study.store import SweepStore
+from jointplay.study.store import DONE, Outcome, SweepStore
 
 pytestmark = needed("distributed")
 

@@ -175,7 +175,7 @@ def test_journal_begins_where_it_was_put(file):
     scenario = Scenario.load(f"jointplay:{file}.toml")
     run = jp.Run(scenario.simulation("0.2 mm", {"integration": {"start": "centred"}}))
     joint = next(iter(run.mechanism.clearance))
-    steady_motion.placing(joint, 0.9e-4, -0.5e-4)(run)
+    steady_motion.place(joint, 0.9e-4, -0.5e-4, run)
     run.begin()
     assert run.moment().journal(joint)[0][:2] == pytest.approx([0.9e-4, -0.5e-4], abs=1e-9)
 

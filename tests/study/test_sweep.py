@@ -19,8 +19,7 @@ from jointplay import JointplayError
 from jointplay.cli import main
 from jointplay.study import plan_of
 from jointplay.study.case import Bench, job
-from jointplay.study.outcome import DONE, Outcome
-from jointplay.study.store import SweepStore
+from jointplay.study.store import DONE, Outcome, SweepStore
 from jointplay.study.sweep_table import columns_of, measured, table
 
 VARYING = "cost"

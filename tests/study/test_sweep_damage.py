@@ -18,9 +18,8 @@ from jointplay import JointplayError
 from jointplay.study import database, plan_of, sweeps
 from jointplay.study.case import run_case
 from jointplay.study.database import FILE, Column, Rows
-from jointplay.study.outcome import DONE, Outcome
 from jointplay.study.runs import Runs
-from jointplay.study.store import SweepStore
+from jointplay.study.store import DONE, Outcome, SweepStore
 
 AXES = """
 clearance = { key = "joints.joint_b.radial_clearance", values = ["0.1 mm", "1 nm", "0.2 mm"] }

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -25,7 +25,7 @@ from jointplay.accuracy.causes import (
 )
 from jointplay.accuracy.cheapest import COSTS, Error, Key, Problem, Sizes
 from jointplay.accuracy.cures import KNOWN
-from jointplay.accuracy.error_budget import budget, holding_drives
+from jointplay.accuracy.error_budget import LISTED, budget, holding_drives
 from jointplay.accuracy.error_model import Contribution, ErrorModel, play_model
 from jointplay.accuracy.jacobians import GEAR, configurations, with_force
 from jointplay.accuracy.robot_errors import RobotErrors
@@ -80,10 +80,6 @@ the cuts where the error is not convex (judged)."""
 _SETTLED = 1e-3
 """Relative change of sizes below which plays need not be computed anew: their second order then
 changes by a thousandth of itself (judged)."""
-_LISTED = 2e-3
-"""Part of the error below which a cause has no line of its own: less than a rounded percent."""
-_SUMMED = {"added": "before", "adds": "after"}
-"""Columns that the table's last row sums: heading and field of `Choice`."""
 
 
 @dataclass(frozen=True)
@@ -275,13 +271,14 @@ class Allocation(Answer):
 
     def table(self) -> Table:
         """A row for each choice; of causes those that matter, the first to be bought first."""
-        small = [abs(c.before) <= _LISTED * self.was and not c.order for c in self.choices]
+        small = [abs(c.before) <= LISTED * self.was and not c.order for c in self.choices]
         listed = [choice for choice, left in zip(self.choices, small, strict=True) if not left]
         if not np.isnan(self.was):
             listed.sort(key=lambda choice: (choice.order == 0, -choice.before))
         table, totals, notes = self._rows(listed), [], [self._headline()]
         if any(small):
-            sums = {head: self.column(name)[small].sum() for head, name in _SUMMED.items()}
+            sums = {"added": self.column("before")[small].sum()}
+            sums["adds"] = self.column("after")[small].sum()
             heads = [column.head for column in table.columns if column.only != "data"]
             totals = [(f"{sum(small)} more", *(sums.get(head) for head in heads[1:]))]
         if self.corrections:
@@ -470,14 +467,16 @@ def allocate(
     goods: dict[str, Any] = dict(offers or {})
     corrections: Sequence[Correction] = goods.pop(COMPENSATION, ())
     market = _Market(goods, prices or {}, weights or {}, limits or {}, cost, least, most)
-    holding = _Holding(driven, drive, joint_friction, payloads, loads)
+    holding = {
+        "driven": driven, "drive": drive, "joint_friction": joint_friction, "payloads": payloads,
+        "loads": loads,
+    }  # fmt: skip
     search = _Search(
         mechanism, configurations(mechanism, poses, driven), holding,
         None if causes is None else named(causes), force,
         RobotErrors() if errors is None else errors, kind, turn, statistical, quantile, seed, keep,
         market,
     )  # fmt: skip
-    search.require_choice()
     bar = ProgressBar(
         desc="allocating", unit="round", disable=not progress, delay=PATIENCE_S, leave=False
     )
@@ -488,16 +487,6 @@ def allocate(
             left = [correction.text for correction in search.corrected(corrections, progress)]
             raise JointplayError("; ".join([str(search.refusal(unreachable)), *left])) from None
     return replace(allocation, corrections=search.corrected(corrections, progress))
-
-
-class _Holding(NamedTuple):
-    """The arguments of `budget` that hold and load the machine."""
-
-    driven: Sequence[str] | None
-    drive: Drive | Mapping[str, Drive] | None
-    joint_friction: Mapping[str, JointFriction] | None
-    payloads: Sequence[Payload]
-    loads: Mapping[str, Load] | None
 
 
 @dataclass(frozen=True)
@@ -614,7 +603,8 @@ class _Search:
 
     mechanism: Mechanism
     q: np.ndarray
-    holding: _Holding
+    holding: Mapping[str, Any]
+    """The arguments of `budget` that hold and load the machine."""
     causes: Mapping[str, Cause] | None
     force: Sequence[float]
     errors: RobotErrors
@@ -637,9 +627,7 @@ class _Search:
             self.sizes = self.market.clearances(self.mechanism, self.keys, self.quantile)
         else:
             self.sizes = self.market.parts(self.keys)
-
-    def require_choice(self) -> None:
-        """Refuse a machine with nothing to choose, or whose choices would not move the tool."""
+        # Refuse a machine with nothing to choose, or whose choices would not move the tool.
         if self.causes is None and self.first.farthest().size.max() <= NOWHERE * MOST_RAD:
             raise JointplayError(
                 f"nothing that has play moves the tool {self.mechanism.tool!r} at these poses: "
@@ -683,11 +671,11 @@ class _Search:
         joints = self.mechanism.clearance | {name: o.joint for name, o in chosen.items()}
         if self.causes is not None:
             machine = self.mechanism.with_clearance(joints) if chosen else self.mechanism
-            driven, payloads = self.holding.driven, self.holding.payloads
-            drives = holding_drives(machine, self.holding.drive)
+            holding = self.holding
             machine, model = cause_model(
-                machine, self.q, with_force(machine, self.force, self.holding.loads), self.causes,
-                self.errors, self.kind, remaining, driven, None, drives, payloads,
+                machine, self.q, with_force(machine, self.force, holding["loads"]), self.causes,
+                self.errors, self.kind, remaining, holding["driven"], None,
+                holding_drives(machine, holding["drive"]), holding["payloads"],
             )  # fmt: skip
             return machine, model.turning if self.turn else model
         gears: dict[str, Any] = dict(self.mechanism.gears)
@@ -698,7 +686,7 @@ class _Search:
                 gear = gears[name.removesuffix(GEAR)]
                 gears[name.removesuffix(GEAR)] = replace(gear, play=x * gear.play)
         machine = self.mechanism.with_clearance(joints, gears)
-        model = play_model(machine, self.q, driven=self.holding.driven, loops=True)
+        model = play_model(machine, self.q, driven=self.holding["driven"], loops=True)
         return machine, model.turning if self.turn else model
 
     def corrected(self, offers: Sequence[Correction], progress: bool) -> tuple[Corrected, ...]:
@@ -719,7 +707,7 @@ class _Search:
         if self.mechanism.loops:
             raise JointplayError("motions of closed loops cannot be compensated: offer none")
         model = self.first
-        play = budget(self.mechanism, self.q, force=self.force, **self.holding._asdict())
+        play = budget(self.mechanism, self.q, force=self.force, **self.holding)
         beside = [k for k, c in enumerate(model.contributions) if c.cause != "play"]
         others = model.subset(beside).farthest().size if beside else np.zeros(len(self.q))
         residuals = np.zeros((len(offers), len(self.q)))

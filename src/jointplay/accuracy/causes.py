@@ -202,8 +202,7 @@ class Compliance(Cause):
         if rule is None:
             return self._shifted(joint, shift, origins, ["its gear"])
         origins[f"{rule.value:.3g} {unit}"] = f"by rule, {rule.reason}, to a factor of {SPREAD:g}"
-        numbers = tuple(origins.items())
-        return Contribution(joint.name, self.name, None, shift, SPREAD - 1.0, numbers=numbers)
+        return Contribution(joint.name, self.name, None, shift, SPREAD - 1.0, numbers=origins)
 
     def _shifted(
         self,
@@ -216,8 +215,8 @@ class Compliance(Cause):
         spread = 0.0
         if shift.any():
             spread = joint.size("stiffness_spread", origins, "either way {:g} %", 100.0)
-        numbers, origin = tuple(origins.items()), ", ".join(sources)
-        return Contribution(joint.name, self.name, None, shift, spread, origin, numbers)
+        origin = ", ".join(sources)
+        return Contribution(joint.name, self.name, None, shift, spread, origin, origins)
 
     def _of_bearing(
         self, bearing: Clearance | None, carried: np.ndarray
@@ -263,7 +262,7 @@ class Encoder(Cause):
             origins = dict[str, str]()
             size = joint.size(key, origins, f"{word} {{:.4g}} {joint.unit}")
             box = Box(joint.driven(part * size))
-            yield Contribution(joint.name, self.name, box, numbers=tuple(origins.items()))
+            yield Contribution(joint.name, self.name, box, numbers=origins)
 
 
 class GearError(Cause):
@@ -283,8 +282,7 @@ class GearError(Cause):
             size = joint.size("gear_error", origins, f"amplitude {{:.4g}} {joint.unit}")
             source = ""
         wave = Line(joint.driven(size), wave=True)
-        numbers = tuple(origins.items())
-        yield Contribution(joint.name, self.name, wave, origin=source, numbers=numbers)
+        yield Contribution(joint.name, self.name, wave, origin=source, numbers=origins)
 
 
 class Geometry(Cause):
@@ -297,7 +295,7 @@ class Geometry(Cause):
         offset = joint.size("axis_offset", origins, "offset {:.4g} m")
         tilt = joint.size("axis_tilt", origins, "tilt {:.4g} rad")
         box = Box((offset, offset, offset, tilt, tilt, 0.0))
-        yield Contribution(joint.name, self.name, box, numbers=tuple(origins.items()))
+        yield Contribution(joint.name, self.name, box, numbers=origins)
 
 
 class Heat(Cause):
@@ -312,8 +310,7 @@ class Heat(Cause):
         if joint.name not in joint.mechanism.loops:
             shift = np.zeros_like(joint.load)
             shift[:, 0] = 0.5 * heating * expansion  # half the growth, uncertain by all of that
-            numbers = tuple(origins.items())
-            yield Contribution(joint.name, self.name, None, shift, 1.0, numbers=numbers, part=LINK)
+            yield Contribution(joint.name, self.name, None, shift, 1.0, numbers=origins, part=LINK)
 
 
 ALL: dict[str, Cause] = {

@@ -399,15 +399,12 @@ class Problem:
             np.hstack([self._rows / self.target, -column]),
             -self._offsets / self.target,
         )
-        assert solution is not None
         return solution[:-1], float(solution[-1]) * self.target
 
-    def _mixed_integer(
-        self, price: np.ndarray, rows: np.ndarray, slack: np.ndarray
-    ) -> np.ndarray | None:
+    def _mixed_integer(self, price: np.ndarray, rows: np.ndarray, slack: np.ndarray) -> np.ndarray:
         """The (z, y) of least price with rows . (z, y) <= slack and one offer for each joint.
 
-        y >= 0 are as many further variables as `price` has; None: there is no solution.
+        y >= 0 are as many further variables as `price` has.
         """
         more = len(price) - self._ends[-1]
         low = np.concatenate([self.sizes.least, np.zeros(len(price) - self._count)])
@@ -423,7 +420,8 @@ class Problem:
             price, constraints=limits, integrality=discrete, bounds=Bounds(low, high),
             options={"presolve": False},  # which prints where it had been wrong
         )  # fmt: skip
-        return None if result.x is None else np.clip(result.x, low, high)
+        assert result.x is not None  # targets that cannot be reached have been refused before
+        return np.clip(result.x, low, high)
 
     def _cheapest(self) -> np.ndarray:
         """The cheapest choice on the known cuts, by outer approximation: offers by tangents of the
@@ -469,7 +467,6 @@ class Problem:
                 np.vstack([np.hstack([rows, np.zeros((len(rows), k))]), cuts.reshape(-1, total)]),
                 np.append(slack, left.ravel()),
             )
-        assert solution is not None
         return solution[: self._ends[-1]]
 
     def _cheapest_sizes(self, picked: np.ndarray) -> np.ndarray:

@@ -459,7 +459,7 @@ def _torques(
 
 
 def _sides(
-    torque: np.ndarray, held: np.ndarray, fall: np.ndarray, stands: float = 0.0
+    torque: np.ndarray, held: np.ndarray, fall: np.ndarray, stands: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Side of the teeth (n, g), the last one where it is undecided, and whether it is, (n, g).
 

@@ -51,8 +51,8 @@ from jointplay.simulation.loads.drive import (
     urdf_friction,
 )
 
-_LISTED = 2e-3
-"""Part of the worst case below which a contribution has no line of its own."""
+LISTED = 2e-3
+"""Part of the error below which a cause has no line of its own: less than a rounded percent."""
 _ON_ARCS = 0.02
 """Part of the worst case by which the exact kinematics may differ without a note: two of its three
 digits then still hold (judged)."""
@@ -76,6 +76,8 @@ class Budget(Answer):
     order.
     """
 
+    unit = "m"
+    """``m``, or ``rad`` of a budget of the angles by which the tool is turned."""
     mechanism: Mechanism
     q: np.ndarray
     """Configurations, (n, nq)."""
@@ -113,7 +115,7 @@ class Budget(Answer):
     @property
     def turns(self) -> Farthest:
         """Largest rotation of the tool at each pose."""
-        return self.model.turned
+        return self.model.turned if self.unit == "m" else self.farthest
 
     @property
     def worst_turn(self) -> np.ndarray:
@@ -122,8 +124,8 @@ class Budget(Answer):
 
     @property
     def components(self) -> slice:
-        """The components of an error (6,) that the budget is of: its displacement."""
-        return slice(0, 3)
+        """The components of an error (6,) that the budget is of: displacement or rotation."""
+        return slice(0, 3) if self.unit == "m" else slice(3, 6)
 
     @cached_property
     def axis_worst(self) -> np.ndarray:
@@ -166,15 +168,6 @@ class PlayBudget(Budget):
     cases, RMS and the joints' shares in them are angles."""
 
     @property
-    def components(self) -> slice:
-        """The components of an error (6,) that the budget is of: displacement or rotation."""
-        return slice(0, 3) if self.unit == "m" else slice(3, 6)
-
-    @property
-    def turns(self) -> Farthest:
-        return super().turns if self.unit == "m" else self.farthest
-
-    @property
     def joints(self) -> tuple[str, ...]:
         return self.model.names
 
@@ -189,13 +182,14 @@ class PlayBudget(Budget):
         total = self.worst_parts.sum(axis=1, keepdims=True)
         return np.asarray(self.worst_parts / np.maximum(total, 1e-300))
 
-    @property
+    @cached_property
     def alone(self) -> np.ndarray:
         """Largest distance of the tool if only this joint had play, shape (n, j) [m].
 
         It is along the joint's own worst direction, `worst_parts` along that of all together.
         """
-        return self.model.alone.T
+        sizes = [self.model.subset([k]).farthest().size for k in range(len(self.joints))]
+        return np.array(sizes).T
 
     @property
     def sentence(self) -> str:
@@ -210,7 +204,7 @@ class PlayBudget(Budget):
         if not self.worst[at] and not self.worst_turn.any():
             return f"No play moves the tool {self.tool!r}; {resting}"
         most = int(self.shares.argmax())
-        part = "all" if self.shares[most] > 1.0 - _LISTED else f"{100 * self.shares[most]:.0f} %"
+        part = "all" if self.shares[most] > 1.0 - LISTED else f"{100 * self.shares[most]:.0f} %"
         source = f"{part} of it by {self.joints[most]}"
         if self.unit == "rad":
             rest = self.rest_positions.at(at)
@@ -611,7 +605,7 @@ class ErrorBudget(Budget):
         for i, contribution in enumerate(self.model.contributions):
             same.setdefault((contribution.joint, contribution.cause), []).append(i)
         parts = {key: float(self.worst_parts[at, indices].sum()) for key, indices in same.items()}
-        small = [part for part in parts.values() if part <= _LISTED * worst]
+        small = [part for part in parts.values() if part <= LISTED * worst]
         rows: list[tuple] = []
         for key in sorted(same, key=lambda key: -parts[key])[: len(parts) - len(small)]:
             gain, less = self.halved(*same[key])
@@ -635,7 +629,7 @@ class ErrorBudget(Budget):
             for cause, (worst, _) in causes
             if worst > 0.5 * _MENTIONED * self.worst[at]
         ]
-        origins = (origin for c in self.model.contributions for _, origin in c.numbers)
+        origins = (origin for c in self.model.contributions for origin in c.numbers.values())
         kinds = dict.fromkeys(
             RULED if origin.startswith("by rule") else f"what {origin} has"
             for origin in origins
@@ -773,21 +767,20 @@ def budget(
     if poses is None:
         standing = poses_of(mechanism)
         mechanism, poses, driven = standing.mechanism, standing.q, driven or standing.driven
+    if relative_to is not None:
+        check_body(mechanism, relative_to)
     drives = holding_drives(mechanism, drive)
     acting = with_force(mechanism, force, loads)
     losses = urdf_friction(mechanism) | dict(joint_friction or {})
     if causes is not None:
         if friction is not None:
             raise JointplayError("friction is for play alone: leave out friction or causes")
-        if relative_to is not None:
-            check_body(mechanism, relative_to)
         q = configurations(mechanism, poses, driven)
-        known, about = RobotErrors() if errors is None else errors, (driven, relative_to)
         mechanism, model = cause_model(
-            mechanism, q, acting, named(causes), known, kind, remaining or {}, *about,
-            drives, payloads,
+            mechanism, q, acting, named(causes), RobotErrors() if errors is None else errors, kind,
+            remaining or {}, driven, relative_to, drives, payloads,
         )  # fmt: skip
-        seen = *about, _positions(mechanism, q, relative_to)
+        seen = driven, relative_to, _positions(mechanism, q, relative_to)
         return ErrorBudget(
             mechanism, q, model, np.array(force, float), *seen, model.farthest(),
             *given_and_assumed(model),
@@ -832,18 +825,9 @@ def budget(
         more = _second_order(model, outwards)
     push = np.array(force, float)
     rest = RestPositions(
-        mechanism,
-        q,
-        of_places.middle,
-        push,
-        acting,
-        driven,
-        friction,
-        drives,
-        losses,
-        more,
+        mechanism, q, of_places.middle, push, acting, driven, friction, drives, losses, more,
         relative_to,
-    )
+    )  # fmt: skip
     if rest.regulated and not mechanism.loops:  # their links are held still
         rest = replace(rest, second_order=_second_order(rest.unregulated(of_places), outwards))
     seen = driven, relative_to, _positions(mechanism, q, relative_to)

@@ -19,7 +19,7 @@ from __future__ import annotations
 import copy
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -29,7 +29,7 @@ from jointplay.accuracy import jacobians, loop_play
 from jointplay.base.errors import JointplayError, NothingHasPlay, require_whole
 from jointplay.model.mechanism import Mechanism
 from jointplay.physics.joints.fits import Fit
-from jointplay.physics.joints.play import DRAWS, Cone, Cones, JournalPlay, Play, Support
+from jointplay.physics.joints.play import DRAWS, FAR, Cone, Cones, JournalPlay, Play, Support
 from jointplay.simulation.loads import Load
 
 DIRECTIONS = 180
@@ -68,7 +68,7 @@ class Line(Play):
         return Cones(np.array(self.amplitude)[:, None], (Cone(np.eye(1), np.zeros(1), 1.0),))
 
     def support(self, loads: np.ndarray) -> Support:
-        along = np.asarray(loads, float).reshape(-1, 6) @ self.amplitude
+        along = loads @ self.amplitude
         return Support(np.abs(along), np.sign(along)[:, None] * np.array(self.amplitude))
 
     def draw(self, random: np.random.Generator, count: int) -> np.ndarray:
@@ -100,7 +100,6 @@ class Box(Play):
         return Cones(axes, tuple(Cone(row[None], np.zeros(len(rows)), 1.0) for row in rows))
 
     def support(self, loads: np.ndarray) -> Support:
-        loads = np.asarray(loads, float).reshape(-1, 6)
         return Support(np.abs(loads) @ self.half, np.array(self.half) * np.sign(loads))
 
     def draw(self, random: np.random.Generator, count: int) -> np.ndarray:
@@ -124,7 +123,7 @@ class Tilt(Play):
         return 0.0, self.size
 
     def support(self, loads: np.ndarray) -> Support:
-        moment = np.asarray(loads, float).reshape(-1, 6)[:, 3:5]
+        moment = loads[:, 3:5]
         point = np.zeros((len(moment), 6))
         point[:, 3:5] = self.size * toward(moment, np.zeros_like(moment))
         return Support(self.size * np.linalg.norm(moment, axis=1), point)
@@ -145,7 +144,7 @@ class Contribution:
     """Relative uncertainty of `shift`, to either side."""
     origin: str = ""
     """Source of its numbers in words, such as ``its gear``."""
-    numbers: tuple[tuple[str, str], ...] = ()
+    numbers: Mapping[str, str] = field(default_factory=dict)
     """Each number as text, and its origin: ``given``, a ``class`` of robots or a ``rule``."""
     proportional: bool = True
     """Whether it is proportional to a size that can be chosen; the play of a rolling bearing or of
@@ -165,7 +164,7 @@ class Contribution:
     def by_origin(self) -> dict[str, str]:
         """The texts of `numbers`, joined, by their origin."""
         grouped: dict[str, list[str]] = {}
-        for text, origin in self.numbers:
+        for text, origin in self.numbers.items():
             grouped.setdefault(origin, []).append(text)
         return {origin: ", ".join(texts) for origin, texts in grouped.items()}
 
@@ -404,12 +403,6 @@ class ErrorModel:
                 break
         return d
 
-    @cached_property
-    def alone(self) -> np.ndarray:
-        """Largest distance of the tool by each contribution alone, shape (k, n) [m]."""
-        sizes = [self.subset([k]).farthest().size for k in range(len(self.contributions))]
-        return np.array(sizes)
-
     def _states(self, loads: np.ndarray) -> States:
         """The states farthest along loads (k, n, m, 6) of any unit."""
         value, point = self._reached(loads)
@@ -470,7 +463,7 @@ class ErrorModel:
             play = contribution.set
             if not isinstance(play, JournalPlay) or not math.isinf(play.along):
                 continue
-            far = np.abs(at[..., 2]) > 0.5 * loop_play.FAR * play.across
+            far = np.abs(at[..., 2]) > 0.5 * FAR * play.across
             if (far & (np.abs(errors[..., :3]).max(axis=-1) > play.across)).any():
                 raise JointplayError(
                     f"nothing limits the journal of {contribution.name!r} along its axis, and the "
@@ -585,8 +578,6 @@ def play_model(
     The arguments are those of `budget`. Mechanisms with closed loops, whose plays may constrain
     each other, are accepted only with `loops`.
     """
-    if relative_to is not None:
-        jacobians.check_body(mechanism, relative_to)
     if mechanism.loops and not loops:
         raise JointplayError(
             f"loop {next(iter(mechanism.loops))!r}: this works only for robots without closed "

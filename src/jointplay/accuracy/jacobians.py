@@ -86,8 +86,7 @@ def jacobians(
         pin.computeJointJacobians(mechanism.model, mechanism.data, row)
         tool = tool_place(mechanism, row)
         pin.centerOfMass(mechanism.model, mechanism.data, row, True)
-        in_tree = [(j, name) for j, name in enumerate(joints) if name not in mechanism.loops]
-        places = {j: place(mechanism, name) for j, name in in_tree}
+        places = {j: place(mechanism, n) for j, n in enumerate(joints) if n not in mechanism.loops}
         pushes = acting.wrenches(mechanism, row)
         for j, at in places.items():
             moves[j, i], borne[j, i] = _of_joint(mechanism, at, tool, pushes, relative_to)
@@ -473,40 +472,27 @@ def displaced(
 def displaced_configuration(
     mechanism: Mechanism, q: np.ndarray, aside: Mapping[str, np.ndarray]
 ) -> np.ndarray:
-    """The configuration with journals of the tree and teeth displaced by name, (nq,)."""
-    moved = q.copy()
-    gears = {name + GEAR: name for name in mechanism.gears}
+    """The configuration with journals of the tree displaced by xi (6,) each, by name, (nq,)."""
+    moved, data = q.copy(), mechanism.data
+    pin.forwardKinematics(mechanism.model, data, q)
     for name, xi in aside.items():
-        if name in gears:
-            joint = gears[name]
-            moved[mechanism.coordinate(joint)] += xi[mechanism.description.joints[joint].component]
-        else:
-            _displace_journal(mechanism, q, moved, name, xi)
+        index, axes = place(mechanism, name)
+        carrier, placement = mechanism.frames(name)[mechanism.clearance[name].exchanged]
+        seat = data.oMi[carrier] * placement  # of the virtual link, wherever the bearing is
+        turned = seat.rotation.T @ axes.rotation
+        arm = seat.rotation.T @ (data.oMi[index].translation - axes.translation)
+        turn = pin.exp3(turned @ xi[3:])
+        shift = turned @ xi[:3] + turn @ arm - arm
+        freedoms = mechanism.clearance[name].freedoms
+        at = {part: mechanism.coordinates.index(Coordinate(name, part)) for part in freedoms}
+        for part, value in zip("xyz", shift, strict=True):
+            if part in at:
+                moved[at[part]] += value
+        parts = ("roll", "pitch", "yaw")
+        angles = [q[at[part]] if part in at else 0.0 for part in parts]
+        turned_to = pin.rpy.matrixToRpy(turn @ pin.rpy.rpyToMatrix(*angles))
+        for part, value in zip(parts, turned_to, strict=True):
+            if part in at:
+                # An angle within half a turn of the one before.
+                moved[at[part]] = value + 2.0 * np.pi * round((q[at[part]] - value) / (2.0 * np.pi))
     return moved
-
-
-def _displace_journal(
-    mechanism: Mechanism, q: np.ndarray, moved: np.ndarray, name: str, xi: np.ndarray
-) -> None:
-    """Displace a journal of the tree by xi (6,) from q, through its coordinates in `moved`."""
-    model, data = mechanism.model, mechanism.data
-    pin.forwardKinematics(model, data, q)
-    index, axes = place(mechanism, name)
-    carrier, placement = mechanism.frames(name)[mechanism.clearance[name].exchanged]
-    seat = data.oMi[carrier] * placement  # of the virtual link, whichever body the bearing is in
-    turned = seat.rotation.T @ axes.rotation
-    arm = seat.rotation.T @ (data.oMi[index].translation - axes.translation)
-    turn = pin.exp3(turned @ xi[3:])
-    shift = turned @ xi[:3] + turn @ arm - arm
-    freedoms = mechanism.clearance[name].freedoms
-    at = {part: mechanism.coordinates.index(Coordinate(name, part)) for part in freedoms}
-    for part, value in zip("xyz", shift, strict=True):
-        if part in at:
-            moved[at[part]] += value
-    parts = ("roll", "pitch", "yaw")
-    angles = [q[at[part]] if part in at else 0.0 for part in parts]
-    turned_to = pin.rpy.matrixToRpy(turn @ pin.rpy.rpyToMatrix(*angles))
-    for part, value in zip(parts, turned_to, strict=True):
-        if part in at:
-            # An angle within half a turn of the one before.
-            moved[at[part]] = value + 2.0 * np.pi * round((q[at[part]] - value) / (2.0 * np.pi))

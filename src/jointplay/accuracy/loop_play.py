@@ -24,7 +24,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from jointplay.physics.joints.play import Cones, JournalPlay, Play
+from jointplay.physics.joints.play import FAR, Cones, JournalPlay, Play
 
 _EXACT = 1e-4
 """Part of the sum without ties by which points may fall short of the farthest: less than the finite
@@ -37,9 +37,6 @@ _STAGE_GAIN, _LAST_GAIN = 0.5, 1e-2
 last one: the path need not be followed closely, and its end within `_EXACT` (judged)."""
 _ROUNDING = 1e-10
 """Eigenvalues below this part of the largest are rounding."""
-FAR = 100.0
-"""Distance of a stand-in end of a journal without end walls, in clearances across: a tool that is
-moved by the way to it is refused."""
 
 
 def ended(play: Play) -> Play:

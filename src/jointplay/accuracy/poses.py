@@ -109,10 +109,16 @@ def poses_of(
     if isinstance(machine, Mechanism):
         machine = Simulation(machine)
     machine = replace(machine, mechanism=machine.mechanism.bolted())
-    mechanism, motion, driven = machine.mechanism, motion or machine.motion, None
-    near = start_of(machine) if mechanism.loops else {}
+    mechanism, motion = machine.mechanism, motion or machine.motion
+    near: dict[str, float] = {}
+    driven: tuple[str, ...] | None = None
     if mechanism.loops:
-        driven = standing(mechanism, motion, near)
+        near = start_of(machine)
+        # Those that the motion moves stand, or the first that determine the others.
+        if motion is not None:
+            driven = tuple(name for name in motion.joints if name in moving(mechanism))
+        else:
+            driven = ClosedLoops(mechanism, at_pose(mechanism, {}, None, near)[0]).driven
     if workspace is not None:
         q = over_workspace(mechanism, workspace, driven=driven, near=near)
         label = f"{counted(len(q), 'pose')} over the workspace"
@@ -319,18 +325,6 @@ def start_of(simulation: Simulation) -> dict[str, float]:
     """Start positions of a simulation, as far as they are given, by coordinate."""
     begin = {name: position_and_speed(name, value)[0] for name, value in simulation.state.items()}
     return {name: value for name, value in begin.items() if value is not None}
-
-
-def standing(
-    mechanism: Mechanism, motion: Motion | None, near: Mapping[str, float]
-) -> tuple[str, ...]:
-    """Joints of loops that stand: those that the motion moves, or the first that determine others.
-
-    `near` has the positions at which loops are closed first, by joint [rad or m].
-    """
-    if motion is not None:
-        return tuple(name for name in motion.joints if name in moving(mechanism))
-    return ClosedLoops(mechanism, at_pose(mechanism, {}, None, near)[0]).driven
 
 
 def moving(mechanism: Mechanism) -> list[str]:

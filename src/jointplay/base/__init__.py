@@ -1,4 +1,4 @@
-"""What everything stands on: errors, units, inputs declared by fields, tables, files.
+"""Foundations: errors, units, inputs declared by fields, tables, files.
 
 Also signals, standard streams, worker processes and the compiler. Nothing here knows of mechanics.
 """

@@ -1,10 +1,12 @@
-"""Functions that are compiled: `compiled` has those that Python or compiled code calls.
+"""Compilation of Python functions by numba, with object code that is kept on disk.
 
-What is called for the first time is taken from kept object code (`objects`), or compiled with all
-that it calls into one object (`linking`) and kept; numba is imported for that alone. Where it
-checks bounds, the same functions are compiled by its plain `njit`.
+`compiled` decorates a function. At its first call from Python its object code is loaded from disk
+(`objects`); if there is none, the function is compiled with everything that it calls into one
+object (`linking`), which is kept. Only then is numba imported. With NUMBA_BOUNDSCHECK the same
+functions are compiled by numba's plain `njit`.
 
-`calling` and `pointer_to` make calls and pointers of addresses.
+`calling`, `pointer_to` and their likes let compiled code call functions and read records and arrays
+by address.
 """
 
 from __future__ import annotations
@@ -28,18 +30,18 @@ _PACKAGE = Path(__file__).parents[1]
 
 
 def _on(name: str) -> bool:
-    """Whether one of numba's settings is on, which is not imported for that."""
+    """Whether one of numba's settings is on; does not import numba."""
     if (numba := sys.modules.get("numba")) is not None:
         return bool(getattr(numba.config, name))
     return os.environ.get(f"NUMBA_{name}", "0") not in ("", "0")
 
 
 class Native(NamedTuple):
-    """A function of the machine."""
+    """A function in machine code."""
 
     address: int
     ctypes: Any
-    """It, to be called from Python."""
+    """Callable of it for Python."""
 
 
 _TYPES = {
@@ -48,23 +50,23 @@ _TYPES = {
     "d": ctypes.c_double,
     "p": ctypes.POINTER(ctypes.c_double),
 }
-"""What letters of a signature stand for; p is an array of numbers."""
+"""Types that the letters of a signature stand for; p is a pointer to floats."""
 
 targets: list[objects.Target] = []
-"""What is compiled is compiled for these, of which the first is run; none: for this processor."""
+"""Processors and systems to compile for, the first of which runs the code; empty: for this one."""
 
 COMPILES = "compiling for this processor, once: some 15 s, more if it is busy"
-"""What a user is told who waits for it (measured: docs/cost.md)."""
+"""Message to a user who waits for it (measured: docs/cost.md)."""
 
 _turn = threading.RLock()
-"""Of the threads, one compiles at a time."""
+"""Lock that lets one thread compile at a time."""
 
 _beside: tuple[int, Any, Compiled] | None = None
-"""This process, the one that it has end a function `ahead`, and that function."""
+"""Id of this process, the process that compiles a function `ahead` for it, and that function."""
 
 
 def _held(function: Compiled) -> bool:
-    """Whether the lock is held for this process, which need not wait to compile `function`."""
+    """Whether a process working `ahead` for this one holds the lock; `function` need not wait."""
     if _beside is None:
         return False
     parent, process, waiting = _beside
@@ -72,14 +74,14 @@ def _held(function: Compiled) -> bool:
 
 
 class Compiled:
-    """A function that is compiled when it is first called for.
+    """A function that is compiled at its first call.
 
     Called from Python it takes numbers, arrays, and named tuples of these, and returns nothing, a
     number, or a tuple of numbers.
 
     Attributes:
-        py_func: the function itself.
-        targetoptions: numba's.
+        py_func: the Python function.
+        targetoptions: options of numba.
     """
 
     def __init__(self, function: Callable[..., Any], **options: Any) -> None:
@@ -93,7 +95,7 @@ class Compiled:
 
     @cached_property
     def dispatcher(self) -> Any:
-        """numba's own, where it checks bounds: errors are raised by its calls only."""
+        """numba's dispatcher, used where it checks bounds: only its calls raise errors."""
         import numba
 
         make_lazy()
@@ -101,8 +103,8 @@ class Compiled:
 
     @cached_property
     def part(self) -> Any:
-        """What it is for those that call it, and for `linking.build`."""
-        # numba writes thousands of errors while it types, in colours, and nobody reads them.
+        """The function as part of an object, for its callers and for `linking.build`."""
+        # While it types, numba formats thousands of errors, in colours, that nobody reads.
         os.environ.setdefault("NUMBA_DISABLE_ERROR_MESSAGE_HIGHLIGHTING", "1")
         from jointplay.base import linking
 
@@ -133,6 +135,7 @@ class Compiled:
         return results if len(returns) > 1 else results[0] if results else None
 
     def _callable(self, signature: str, count: int) -> tuple[Any, str]:
+        """Callable for Python, for arguments of these types, and the types that it returns."""
         built = self._object(signature)
         if built is None:
             return None, ""
@@ -143,10 +146,10 @@ class Compiled:
         return ctypes.PYFUNCTYPE(ctypes.c_int32, ctypes.c_void_p, *types)(address), returns
 
     def native(self, signature: str) -> Native:
-        """The function as machine code calls it, such as "d(d,i,p)": see `_TYPES`.
+        """Compile the function for machine code, with a signature such as "d(d,i,p)" (`_TYPES`).
 
         Raises:
-            Exception: of numba, which cannot compile it.
+            Exception: of numba, if it cannot compile it.
         """
         with _turn:
             if signature not in self._natives:
@@ -170,47 +173,50 @@ class Compiled:
             return self._natives[signature]
 
     def caller(self, signature: str) -> Callable[..., Any]:
-        """What Python calls fastest; the plain compiler's raises errors."""
+        """Callable with the least overhead in Python; with bounds checked, one that raises."""
         if _on("BOUNDSCHECK"):
             return self.dispatcher  # type: ignore[no-any-return]
         return self.native(signature).ctypes  # type: ignore[no-any-return]
 
     @property
     def ready(self) -> bool:
-        """Whether it has been compiled or loaded in this process."""
+        """Whether the function has been compiled or loaded in this process."""
         return bool(self._calls or self._natives)
 
     def ahead(self, signature: str) -> bool:
-        """Begin to compile it, if it is not kept; returns whether another process goes on with it.
+        """Begin to compile, unless code is kept; returns whether another process finishes it.
 
-        That is a copy of this one, which ends when the code is kept: LLVM takes a third of the
-        time, and this process can do something else. Where there is none, this one does it.
+        LLVM, a third of the work, runs in a fork of this process, which ends when the code is kept,
+        while this one does something else. Where there can be no fork, this process finishes it.
         """
         global _beside
         about = self._name, signature, self._fingerprint()
 
-        def needless() -> bool:
+        def kept() -> bool:
             return any(objects.find(*about))
 
         with _turn:
-            if self.ready or targets or not about[-1] or _on("BOUNDSCHECK") or needless():
+            if self.ready or targets or not about[-1] or _on("BOUNDSCHECK") or kept():
                 return False
             with progress.aside(), objects.alone():
-                if needless():
+                if kept():  # meanwhile, by another process
                     return False
                 from jointplay.base import processes
 
                 with streams.saying_if_long(COMPILES):
-                    end = self._begun(signature, objects.host())
-                process = processes.beside(end)  # it holds the lock, too, by its descriptor
+                    finish = self._prepare(signature, objects.host())
+                process = processes.beside(finish)  # it inherits the lock by its descriptor
                 if process is None:
-                    end()
+                    finish()
                 else:
                     _beside = os.getpid(), process, self
                 return process is not None
 
     def _object(self, signature: str) -> tuple[int, str] | None:
-        """Address and returns (a letter each) of the object's function; None: compile plainly."""
+        """Load or compile the object; address and return types (a letter each) of its function.
+
+        None where numba's plain compiler is to be used.
+        """
         if _on("BOUNDSCHECK"):
             return None
         with _turn:
@@ -220,7 +226,8 @@ class Compiled:
             with progress.aside(), nullcontext() if _held(self) else objects.alone(), compiling:
                 if loaded := self._loaded(signature):
                     return loaded
-                built = [self._begun(signature, target)() for target in targets or [objects.host()]]
+                wanted = targets or [objects.host()]
+                built = [self._prepare(signature, target)() for target in wanted]
             head, code = built[0]
             return objects.load(code, head.symbol), head.returns
 
@@ -228,24 +235,27 @@ class Compiled:
         fingerprint = self._fingerprint()
         return objects.loaded(self._name, signature, fingerprint) if fingerprint else None
 
-    def _begun(self, signature: str, target: objects.Target) -> Callable[[], tuple[Any, bytes]]:
-        """Compile it as far as Python does; gives what does the rest, and keeps it."""
+    def _prepare(self, signature: str, target: objects.Target) -> Callable[[], tuple[Any, bytes]]:
+        """Do the part of compilation that runs in Python; returns a function for LLVM's part.
+
+        That function keeps the code, and returns it.
+        """
         from jointplay.base import linking
 
         translate, returns = linking.build(self.part, signature, target)
         about = self._name, signature, self._fingerprint(), target.system, target.features, returns
         head = objects.Head(*about)
 
-        def end() -> tuple[objects.Head, bytes]:
+        def finish() -> tuple[objects.Head, bytes]:
             code = translate()
             if head.fingerprint:
                 objects.keep(head, code, target.label)
             return head, code
 
-        return end
+        return finish
 
     def _fingerprint(self) -> str:
-        """Hash of all that goes into its code; none of what is not known by its file."""
+        """Hash of everything that the code depends on; empty if that is not known from files."""
         import marshal
 
         code = self.py_func.__code__
@@ -272,10 +282,10 @@ def _parts() -> list[Path]:
 
 @cache
 def sources() -> str:
-    """Hash of the files in which code may be that is compiled.
+    """Hash of all files of the package that may contain compiled code: `physics`, and the compiler.
 
-    That are all of `physics`, and those of this package that make code. Not the compiler's version:
-    what it made stays right, and a wheel's objects serve with every numba.
+    The version of numba does not count: code that it made stays right, and the objects of a wheel
+    serve with every numba.
     """
     digest = hashlib.sha256()
     file = Path(__file__)
@@ -286,7 +296,7 @@ def sources() -> str:
 
 
 def _take(value: Any, values: list[Any]) -> str:
-    """Kind of an argument, whose numbers are added to those that the machine gets."""
+    """Append an argument's machine words to `values`; returns its type in the signature."""
     if isinstance(value, np.ndarray):
         values.append(value.__array_interface__["data"][0])
         values.extend(value.shape)
@@ -305,7 +315,7 @@ def _take(value: Any, values: list[Any]) -> str:
 
 
 def compiled(function: Callable[..., Any] | None = None, **options: Any) -> Any:
-    """Decorator of functions that are compiled; with NUMBA_DISABLE_JIT they are what they are.
+    """Decorate a function to be compiled; with NUMBA_DISABLE_JIT it is left as it is.
 
     Options are numba's.
     """
@@ -317,14 +327,14 @@ def compiled(function: Callable[..., Any] | None = None, **options: Any) -> Any:
 
 
 contracted = compiled(fastmath={"contract"})
-"""The same of those whose products and sums may be rounded once instead of twice."""
+"""`compiled` with fused multiply-add allowed: product and sum are rounded once instead of twice."""
 
 reordered = compiled(fastmath={"reassoc"})
-"""The same of sums that are taken in any order: several terms at a time."""
+"""`compiled` with sums in any order allowed, so that several terms are added at a time."""
 
 
 class Lazy:
-    """What compiled code takes from `intrinsics`, made when something is compiled."""
+    """A function of `intrinsics` for compiled code, made when something is compiled."""
 
     def __init__(self, name: str, *arguments: Any) -> None:
         self._name, self._arguments = name, arguments
@@ -332,12 +342,13 @@ class Lazy:
 
     @cached_property
     def function(self) -> Any:
+        """numba's intrinsic."""
         from jointplay.base import intrinsics
 
         return getattr(intrinsics, self._name)(*self._arguments)
 
     def __call__(self, *arguments: Any) -> Any:
-        """Call it, which compiled code alone can do."""
+        """Call the intrinsic, for type checkers: only compiled code can."""
         return self.function(*arguments)
 
     @property
@@ -351,57 +362,57 @@ _lazy: list[Lazy] = []
 
 
 def make_lazy() -> None:
-    """Make what compiled code takes from numba: before a function is typed that uses it."""
+    """Make all intrinsics declared so far, before a function that uses them is typed."""
     while _lazy:
         _ = _lazy.pop().function
 
 
-# Addresses: compiled code only can do what follows.
+# Work with addresses, for compiled code only.
 
 
 def pointer_to(element: Any) -> Lazy:
-    """Function that takes an address for a pointer to an `element`, a type of numpy."""
+    """Function that turns an address into a pointer to an `element`, a numpy type."""
     return Lazy("pointer_to", element)
 
 
 pointer = pointer_to(np.float64)
-"""An address taken for a pointer to numbers."""
+"""Function that turns an address into a pointer to floats."""
 
 place_of = Lazy("place_of")
-"""Where a record lies: its address as a whole number."""
+"""Address of a record, as a whole number."""
 
 address_of = Lazy("address_of")
-"""Pointer to the first element of an array of floats within a record."""
+"""Pointer to the first element of an array of floats."""
 
 carray = Lazy("carray")
-"""numba's array at a pointer, of a shape."""
+"""numba's `carray`: the array of a given shape at a pointer."""
 
 
 def open_arrays(
     record: np.dtype, arrays: Mapping[str, tuple[np.dtype, Sequence[tuple[int, str | None]]]]
 ) -> None:
-    """Let compiled code find arrays where fields of a record hold the arrays' addresses.
+    """Have compiled code see an array where a field of a record holds the array's address.
 
     Args:
         record: type of the record.
-        arrays: by field, the type of the elements and the shape: of each dimension a factor, and
-            the field that it multiplies, or None.
+        arrays: by field, the type of the elements, and for each dimension a factor and the field
+            that it multiplies, or None.
     """
     Lazy("open_arrays", record, arrays)
 
 
 def calling(signature: str) -> Lazy:
-    """Function of an address and a tuple of arguments: it calls what is compiled there.
+    """Function of an address and a tuple of arguments, which calls the function at the address.
 
-    The signature is one of `Compiled.native`.
+    Its signature is one of `Compiled.native`.
     """
     return Lazy("calling", signature)
 
 
 def calling_with_arrays(arguments: int, answers: int) -> Lazy:
-    """Function `call(at, k, numbers, d, first)`, which calls what is compiled at an address.
+    """Function `call(at, k, numbers, d, first)`, which calls the function at the address `at`.
 
-    That gets k, the numbers of a tuple as an array, the array or pointer d from index `first` on,
-    and an array for what it answers, which is returned as a tuple.
+    That function gets k, an array with the numbers of a tuple, the array or pointer d from index
+    `first` on, and an array for its results, which `call` returns as a tuple.
     """
     return Lazy("calling_with_arrays", arguments, answers)

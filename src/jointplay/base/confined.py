@@ -1,7 +1,7 @@
-"""Processes that deal with a stranger's file instead of this one, within limits.
+"""Confined processes: they deal with an untrusted file in place of this one, within limits.
 
-What crashes, fills the memory or never ends does so there. Such a process may come to where it can
-open nothing more: no file, no connection.
+A crash, full memory or an endless loop happens there. Within `closed` such a process can open
+nothing more: no file, no connection.
 """
 
 import math
@@ -23,10 +23,10 @@ except ImportError:  # Windows: the parent's time limit holds alone
     resource = None  # type: ignore[assignment]
 
 WAITS = 20.0
-"""Longest time on the clock, as a multiple of processor time: a busy machine refuses no file."""
+"""Limit of elapsed time over that of processor time, so that a busy machine refuses no file."""
 
 MEMORY_SHARE = 0.8
-"""Part of this machine's memory that a file may fill."""
+"""Part of this machine's memory that reading a file may take."""
 
 _BEGIN = (
     "import sys; sys.path.append(sys.argv[1])\n"
@@ -38,13 +38,13 @@ _BEGIN = (
 def process(
     module: str, path: Path, time_s: float, room: float
 ) -> Iterator[subprocess.Popen[bytes]]:
-    """A process that calls a module's `serve` with a path, and is killed when the block ends.
+    """Start a process that calls a module's `serve` with a path; it is killed when the block ends.
 
     Args:
-        module: its name; only what it imports is loaded.
-        path: of the file that it is about.
-        time_s: processor time that it may take [s], and `WAITS` times that on the clock.
-        room: memory that it may take [bytes].
+        module: name of the module; nothing but it and its imports is loaded.
+        path: the file to be examined.
+        time_s: limit of processor time [s]; `WAITS` times that is the limit of elapsed time.
+        room: limit of memory [bytes].
 
     Raises:
         JointplayError: it cannot be started.
@@ -72,12 +72,12 @@ def process(
     finally:
         clock.cancel()
         child.kill()
-        with suppress(BrokenPipeError):  # what it was not told
+        with suppress(BrokenPipeError):  # input that it has not read
             child.communicate()
 
 
 def ended(child: subprocess.Popen[bytes], time_s: float) -> str:
-    """Why a process that has ended, or is about to, did not do its work."""
+    """Reason why a process that has ended, or is about to, failed."""
     status = child.wait()
     if status == -getattr(signal, "SIGXCPU", 0):
         return f"did not end within {time_s:.0f} s of processor time"
@@ -95,10 +95,10 @@ def memory() -> float:
 
 
 def _serve(module: str, path: str, time_s: str, room: str) -> None:
-    """What the process does: it keeps to the limits, and calls the module's function."""
+    """Main function of the process: set the limits, then call the module's `serve`."""
     if resource:
         resource.setrlimit(resource.RLIMIT_CPU, (int(time_s), int(time_s) + 5))
-        signal.alarm(int(WAITS * int(time_s)) + 5)  # should the parent be no more
+        signal.alarm(int(WAITS * int(time_s)) + 5)  # in case the parent has ended
         if math.isfinite(float(room)):
             with suppress(ValueError, OSError):  # a system that keeps no such limit
                 resource.setrlimit(resource.RLIMIT_AS, (int(float(room)), int(float(room))))
@@ -107,7 +107,7 @@ def _serve(module: str, path: str, time_s: str, room: str) -> None:
 
 @contextmanager
 def closed() -> Iterator[None]:
-    """Have this process open nothing in the block: no file, folder, pipe or connection."""
+    """Within the block this process can open nothing: no file, folder, pipe or connection."""
     if not resource:
         yield
         return

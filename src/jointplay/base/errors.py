@@ -1,4 +1,4 @@
-"""The one exception users meet: what is wrong, the offending value, and what to do."""
+"""The exception for wrong input, whose message names the value and what to do, and input checks."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ if TYPE_CHECKING:
     import numpy as np
 
 _LONGEST_WORD = 300
-"""Characters of a name or path that a message shows; of a longer one the middle is left out."""
+"""Most characters of a name or path in a message; the middle of a longer one is left out."""
 
 _LONGEST_LIST = 200
-"""Characters of an array's numbers that a message shows, likewise."""
+"""Most characters of an array's numbers in a message; the middle of longer ones is left out."""
 
 _LONGEST = 4000
-"""Characters of a message."""
+"""Most characters of a message."""
 
 _NUMBERS = re.compile(rf"\[[\s\[\],.\deE+\-infatrue]{{{_LONGEST_LIST},}}\]")
-"""Numbers in brackets, as arrays and lists show themselves."""
+"""Numbers in brackets, the representation of arrays and lists."""
 
 _WORD = re.compile(rf"\S{{{_LONGEST_WORD + 1},}}")
 
@@ -35,10 +35,10 @@ Where = tuple[str | int, ...]
 
 
 def one_line(text: object) -> str:
-    """A message as one line that can be printed: whatever names, values and libraries put into it.
+    """Turn a message into one printable line, whatever names, values and libraries put into it.
 
-    White space is one space; control characters are shown, not sent; of long words, arrays and
-    messages the middle is left out.
+    White space becomes one space, control characters are escaped, and the middle of long words,
+    arrays and messages is left out.
     """
     line = _shortened(" ".join(str(text).split()), 4 * _LONGEST)
     if not line.isprintable():
@@ -55,13 +55,12 @@ def _shortened(text: str, most: int) -> str:
 
 
 class JointplayError(ValueError):
-    """Wrong input. The message is one line that names the value and the valid choices.
-
-    It is made printable here (`one_line`), for all who show it.
+    """Wrong input. The message is one printable line that names the value and the valid choices.
 
     Attributes:
-        where: the keys that lead to the value, as far as known; outer layers prepend theirs
-            (`within`). ``("joints", "joint_b", "radial_clearance")``; indices count from 0.
+        where: the keys that lead to the value, as far as known, such as
+            ``("joints", "joint_b", "radial_clearance")``; indices count from 0. Outer layers
+            prepend their keys (`within`).
     """
 
     def __init__(self, message: str = "", where: Where = ()) -> None:
@@ -73,11 +72,11 @@ class JointplayError(ValueError):
 
 
 class JointplayWarning(RuntimeWarning):
-    """What a result or a machine should be read with: given by `warnings`, never printed."""
+    """Reservation about a result or a machine, issued by `warnings`, never printed."""
 
 
 def closest(word: Any, choices: Iterable[str], likeness: float = 0.6) -> str:
-    """Question after the one of `choices` that `word` resembles so much; empty if none does."""
+    """Ask "did you mean ...?" for the choice most like `word`; empty if none is alike enough."""
     import difflib  # seldom needed
 
     plain_words = {choice.lower().replace("-", "_"): choice for choice in choices}
@@ -88,11 +87,11 @@ def closest(word: Any, choices: Iterable[str], likeness: float = 0.6) -> str:
 
 
 class MissingKey(JointplayError):
-    """A table lacks a key; those that it has are as they should be."""
+    """A key is missing in a table whose other keys are correct."""
 
 
 class MissingName(JointplayError):
-    """A name that does not exist; the message names the nearest, and lists those that do."""
+    """A name that does not exist; the message suggests the nearest and lists those that do."""
 
     def __init__(
         self, kind: str, name: str, choices: Iterable[str], hint: str = "", where: Where = ()
@@ -108,9 +107,9 @@ class MissingName(JointplayError):
 
 
 class NothingHasPlay(JointplayError):
-    """What is asked for is about play, and there is none; `joints` could have some.
+    """A computation about play was asked for, and no joint has any; `joints` could have some.
 
-    `preset`: the robot's own, if it has one.
+    `preset`: name of the robot's own preset, if it has one.
     """
 
     def __init__(self, joints: Iterable[str], preset: str = "", where: Where = ()) -> None:
@@ -131,14 +130,14 @@ class NothingHasPlay(JointplayError):
 def require_known(
     kind: str, name: str, choices: Collection[str], hint: str = "", where: Where = ()
 ) -> None:
-    """Refuse a name that is none of the `choices`; see `MissingName`."""
+    """Raise `MissingName` unless `name` is one of the `choices`."""
     if name not in choices:
         raise MissingName(kind, name, choices, hint, where)
 
 
 @contextmanager
 def within(*place: str | int) -> Iterator[None]:
-    """Say of errors in the block that what they are about lies at the key `place`."""
+    """Prepend the keys `place` to the `where` of errors raised in the block."""
     try:
         yield
     except JointplayError as error:
@@ -147,13 +146,13 @@ def within(*place: str | int) -> Iterator[None]:
 
 
 def require_a(name: str, value: Any, *kinds: str) -> None:
-    """Refuse an argument `name` that is of none of the `kinds`, classes given by their names."""
-    mine = type(value)
-    known = {kind.__name__ for kind in mine.__mro__}
+    """Raise unless the argument `name` is of one of the `kinds`, classes given by their names."""
+    known = {kind.__name__ for kind in type(value).__mro__}
     known |= {kind for kind in ("Mapping", "Iterable") if isinstance(value, getattr(abc, kind))}
-    text = known & {"str", "bytes"} and "str" not in kinds
-    known |= {"Path"} if hasattr(mine, "__fspath__") else set()
-    if known.isdisjoint(kinds) or text:
+    # Text is iterable, but no list of anything.
+    unwanted_text = known & {"str", "bytes"} and "str" not in kinds
+    known |= {"Path"} if hasattr(type(value), "__fspath__") else set()
+    if known.isdisjoint(kinds) or unwanted_text:
         wanted = " or ".join(
             _KINDS.get(kind, f"{'an' if kind[0] in 'AEIOU' else 'a'} {kind}") for kind in kinds
         )
@@ -164,11 +163,11 @@ _KINDS = {"str": "text", "Mapping": "a mapping of names to them", "Iterable": "a
 
 
 LARGEST = 1e100
-"""Largest number of a quantity: products of three stay within the range of floats."""
+"""Largest magnitude of a quantity: products of three stay within the range of floats."""
 
 
 def require_positive(name: str, value: float, unit: str, where: Where = ()) -> float:
-    """Return `value` as float if it is finite and > 0, else raise naming it with its `unit`."""
+    """Return `value` as float if it is finite and > 0, else raise with its name and unit."""
     value = require_finite(name, value, unit, where)
     if value <= 0.0:
         message = f"{name} must be greater than zero, got {readable(value, unit)}"
@@ -180,7 +179,7 @@ def require_positive(name: str, value: float, unit: str, where: Where = ()) -> f
 
 
 def require_non_negative(name: str, value: float, unit: str, where: Where = ()) -> float:
-    """Return `value` as float if it is finite and >= 0, else raise naming it with its `unit`."""
+    """Return `value` as float if it is finite and >= 0, else raise with its name and unit."""
     value = require_finite(name, value, unit, where)
     if value < 0.0:
         message = f"{name} must not be negative, got {readable(value, unit)}"
@@ -189,11 +188,11 @@ def require_non_negative(name: str, value: float, unit: str, where: Where = ()) 
 
 
 def require_finite(name: str, value: float, unit: str, where: Where = ()) -> float:
-    """Return `value` as float if it is a finite number, else raise naming it with its `unit`.
+    """Return `value` as float if it is a finite number, else raise with its name and unit.
 
-    Truth values and text are no numbers, although Python would make some of them.
+    Booleans and text are refused, although Python would convert them.
     """
-    kind = getattr(getattr(value, "dtype", None), "kind", "f")  # numpy's, whatever holds it
+    kind = getattr(getattr(value, "dtype", None), "kind", "f")  # of numpy scalars and alike
     number = math.nan
     try:
         if isinstance(value, bool | str | bytes | bytearray) or kind not in "fiu":
@@ -202,7 +201,7 @@ def require_finite(name: str, value: float, unit: str, where: Where = ()) -> flo
     except (TypeError, ValueError):
         unit = f" ({unit})" if unit else ""
         raise JointplayError(f"{name} must be a number{unit}, got {value!r:.60}", where) from None
-    except OverflowError:  # a whole number of more digits than a float has
+    except OverflowError:  # a whole number too large for a float
         number = math.inf
     if not math.isfinite(number):
         raise JointplayError(f"{name} must be finite, got {number} {unit}".rstrip(), where)
@@ -215,7 +214,7 @@ def require_finite(name: str, value: float, unit: str, where: Where = ()) -> flo
 def require_whole(
     name: str, value: object, least: int = 0, most: int | None = None, where: Where = ()
 ) -> int:
-    """Return `value` as int if it is a whole number in a range, else raise naming it."""
+    """Return `value` as int if it is a whole number in a range, else raise with its name."""
     integral = isinstance(value, Integral) and not isinstance(value, bool)
     number = int(value) if integral else least - 1  # type: ignore[call-overload]
     if number < least or (most is not None and number > most):
@@ -234,14 +233,14 @@ def require_share(name: str, value: float, where: Where = ()) -> float:
 
 
 def _short(number: int) -> str:
-    """A limit as one reads it: 1e+12 rather than its digits."""
+    """Format a limit: 1e+12 rather than all its digits."""
     return str(number) if number < 10**7 else f"{number:.3g}"
 
 
 def require_numbers(name: str, values: Any, where: Where = ()) -> np.ndarray:
-    """Return numbers in an array of floats of their own, else raise; they need not be finite.
+    """Return numbers as a new array of floats, else raise; they need not be finite.
 
-    Truth values and text are no numbers here either, also one among many numbers.
+    Booleans and text are refused here, too, even one among many numbers.
     """
     import numpy as np  # takes long to import
 
@@ -260,7 +259,7 @@ def require_numbers(name: str, values: Any, where: Where = ()) -> np.ndarray:
 
 
 def require_names(name: str, values: object, noun: str, where: Where = ()) -> tuple[str, ...]:
-    """Return names as a tuple, else raise; a single text, whose letters would be names, is none."""
+    """Return a list of names as a tuple, else raise; a single text is refused."""
     text = isinstance(values, str | bytes)
     names = () if text or not isinstance(values, Iterable) else tuple(values)
     if text or not isinstance(values, Iterable) or not all(isinstance(n, str) for n in names):
@@ -269,14 +268,14 @@ def require_names(name: str, values: object, noun: str, where: Where = ()) -> tu
 
 
 def require_table(name: str, values: Any, form: str, where: Where = ()) -> dict[Any, Any]:
-    """Return what stands by name as a dictionary, nothing for None, else raise with its `form`."""
+    """Return a mapping as a dictionary, an empty one for None, else raise with its `form`."""
     if not isinstance(values, Mapping | None):
         raise JointplayError(f"{name} must be a dictionary {form}, got {values!r:.60}", where)
     return dict(values or {})
 
 
 def require_increasing(name: str, values: Sequence[float], unit: str, where: Where = ()) -> None:
-    """Raise if numbers do not increase, naming the first that does not with its `unit`."""
+    """Raise if numbers do not increase strictly, naming the first that does not."""
     for i, (before, after) in enumerate(pairwise(values), 1):
         if not after > before:
             text = f"{before:g} {unit} is followed by {after:g} {unit} (number {i + 1})"
@@ -286,7 +285,7 @@ def require_increasing(name: str, values: Sequence[float], unit: str, where: Whe
 def require_vector(
     name: str, values: object, unit: str, where: Where = ()
 ) -> tuple[float, float, float]:
-    """Return three finite components as floats, else raise naming them with their `unit`."""
+    """Return three finite components as floats, else raise with their name and unit."""
     text = isinstance(values, str | bytes)
     parts = () if text or not isinstance(values, Iterable) else tuple(values)
     if len(parts) != 3:
@@ -296,7 +295,7 @@ def require_vector(
 
 
 def damaged(path: object, kind: str, reason: object) -> JointplayError:
-    """What to say of a file that cannot be of the kind that it should be: a result, a sweep."""
+    """Error for a file that is not of its supposed kind, such as a result or a sweep."""
     text = getattr(reason, "strerror", None) or " ".join(str(reason).split())
     return JointplayError(
         f"{str(path)!r} is damaged or not a {kind}: {text or type(reason).__name__}"

@@ -1,6 +1,8 @@
-"""Files that are there whole or not at all: written beside their name, synced, then renamed.
+"""Atomic files, checked reading, claimed folders, and temporary folders that are cleaned up.
 
-A process that is killed leaves at most ``.NAME.PID.part``, which blocks nothing and may be deleted.
+A file is written under a temporary name beside its own, synced, then renamed: it is complete or
+absent. A process that is killed leaves at most ``.NAME.PID.part``, which blocks nothing and may be
+deleted.
 """
 
 from __future__ import annotations
@@ -29,40 +31,40 @@ if TYPE_CHECKING:
     import numpy as np
 
 written: list[Path] = []
-"""Files that this process has written, in order: what a message may truly say is kept."""
+"""Announced files that this process has written, in order, for messages after an interruption."""
 
 _claimed: dict[Path, int] = {}
-"""Folders that this process writes to, each with the descriptor that holds its lock."""
+"""Folders that this process has claimed, each with the descriptor that holds its lock."""
 
 _new_folders: list[Path] = []
 """Folders that this process has made to write into, in order."""
 
 _NO_LINKS = {errno.EPERM, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOSYS, errno.EMLINK}
-"""What file systems without hard links say."""
+"""Error numbers of file systems without hard links."""
 
 MARK = ".jointplay-owner"
-"""Name of the file in a temporary folder of ours that says of which machine it is; its owner holds
-a lock on it, which ends with the owner."""
+"""Name of the file in each temporary folder that names its machine. The owner holds a lock on it,
+which ends with the owner."""
 
 ENDING_S = 1.0
-"""How long a folder's lock is waited for [s]: a killed command's workers hold it until they end."""
+"""Longest wait for a folder's lock [s]: the workers of a killed command hold it until they end."""
 
 LEFT_S = 86400.0
-"""Temporary folders whose owner is dead are deleted when they are older [s] (judged: a
-day, so that none of a machine whose clock is off by a time zone is taken for dead)."""
+"""Age from which temporary folders of dead owners are deleted [s] (judged: a day, so that none is
+taken for old on a machine whose clock is off by a time zone)."""
 
 _swept: set[str] = set()
-"""Places in which this process has looked for them."""
+"""Folders in which this process has already deleted such leftovers."""
 
 MOST_TEXT = 256_000_000
-"""Size of a text that is read: URDF, scenario, table [bytes] (judged: a motion of a million
+"""Largest text file that is read: URDF, scenario, table [bytes] (judged: a motion of a million
 rows of 100 bytes, and as much again)."""
 
 _HDF5 = b"\x89HDF"
-"""How results begin."""
+"""First bytes of results."""
 
 _LONGEST_NAME = 100
-"""Bytes of a file's name that are taken of a label: file systems take 255 with endings."""
+"""Most bytes of a label in a file's name: file systems allow 255, endings included."""
 
 PICTURES = {"png": "Software", "pdf": "Creator", "svg": "Creator"}
 """Formats of pictures, each with the entry of its metadata that names the program."""
@@ -70,7 +72,7 @@ PICTURES = {"png": "Software", "pdf": "Creator", "svg": "Creator"}
 
 @contextmanager
 def system_errors(failure: str) -> Iterator[None]:
-    """Say of errors of the system, and of names that no file can have, what could not be done."""
+    """Turn errors of the system and of impossible file names into a `JointplayError`."""
     try:
         yield
     except JointplayError:
@@ -82,7 +84,7 @@ def system_errors(failure: str) -> Iterator[None]:
 def write(
     path: str | Path, content: str | bytes, *, overwrite: bool = False, announced: bool = True
 ) -> Path:
-    """Write a file as `writing` does; text as UTF-8, line ends as they are."""
+    """Write a file as `writing` does; text in UTF-8, line ends unchanged."""
     with writing(path, overwrite=overwrite, announced=announced) as file:
         file.write(content.encode("utf-8") if isinstance(content, str) else content)
     return Path(path)
@@ -91,20 +93,21 @@ def write(
 def picture(
     path: str | Path, figure: Any, *, overwrite: bool = False, mark: str = "", **options: Any
 ) -> Path:
-    """Draw a matplotlib figure into a file, whole or not at all; see `writing`.
+    """Save a matplotlib figure to a file, whole or not at all; see `writing`.
 
     Args:
-        path: the file; its suffix says the format, one of `PICTURES`.
-        figure: what has matplotlib's `savefig`, with these `options`.
-        overwrite: whether a file of that name is replaced.
-        mark: stands in the picture's metadata; a picture that holds it is replaced.
+        path: the file, whose suffix selects the format, one of `PICTURES`.
+        figure: object with matplotlib's `savefig`.
+        overwrite: whether an existing file is replaced.
+        mark: text for the picture's metadata; an existing picture that holds it is replaced.
+        options: further arguments of `savefig`.
     """
     content = drawn(figure, _picture_format(Path(path)), mark, **options)
     return write_picture(path, content, overwrite=overwrite, mark=mark)
 
 
 def drawn(figure: Any, kind: str, mark: str = "", **options: Any) -> bytes:
-    """A matplotlib figure in one of the formats of `PICTURES`; see `picture`."""
+    """Render a matplotlib figure in one of the formats of `PICTURES`; see `picture`."""
     if mark:
         options["metadata"] = {PICTURES[kind]: mark}
     content = io.BytesIO()
@@ -115,7 +118,7 @@ def drawn(figure: Any, kind: str, mark: str = "", **options: Any) -> bytes:
 def write_picture(
     path: str | Path, content: bytes, *, overwrite: bool = False, mark: str = ""
 ) -> Path:
-    """Write what was `drawn`, in place of a picture that holds the mark; see `picture`."""
+    """Write a picture from `drawn`, replacing one that holds the mark; see `picture`."""
     overwrite = overwrite or bool(mark and holds(Path(path), mark))
     return write(path, content, overwrite=overwrite)
 
@@ -128,19 +131,19 @@ def _picture_format(path: Path) -> str:
 
 
 def check_picture(path: str | Path) -> Path:
-    """Refuse a picture that cannot be drawn anew, before any work is done, as `check_new` does."""
+    """Raise, before any work is done, unless a picture can be written there; see `check_new`."""
     path = check_new(path)
     _picture_format(path)
     return path
 
 
 def holds(path: Path, mark: str) -> bool:
-    """Whether there is a file that holds a mark: a picture drawn by an earlier run."""
+    """Whether a file exists and holds a mark, as a picture drawn by an earlier run does."""
     return is_file(path) and mark.encode() in path.read_bytes()
 
 
 def begins(path: Path, mark: bytes) -> bool:
-    """Whether there is a file that begins with a mark: a working file of an earlier run."""
+    """Whether a file exists and begins with a mark, as a working file of an earlier run does."""
     if not is_file(path):
         return False
     with path.open("rb") as file:
@@ -148,7 +151,7 @@ def begins(path: Path, mark: bytes) -> bool:
 
 
 def check_own(path: Path, mark: bytes, noun: str) -> None:
-    """Refuse a working file in whose place another file is, before any work is done.
+    """Raise, before any work is done, if a foreign file lies where a working file is to be.
 
     Raises:
         JointplayError: a file is there that does not begin with `mark`, or cannot be read.
@@ -161,7 +164,7 @@ def check_own(path: Path, mark: bytes, noun: str) -> None:
 
 
 def remove_own(path: Path, mark: bytes) -> None:
-    """Delete a working file, if it is one: other files of that name stay."""
+    """Delete a working file; a file that does not begin with its mark stays."""
     with suppress(OSError):
         if begins(path, mark):
             path.unlink()
@@ -171,11 +174,14 @@ def remove_own(path: Path, mark: bytes) -> None:
 def writing(
     path: str | Path, *, overwrite: bool = False, announced: bool = True
 ) -> Iterator[BinaryIO]:
-    """A file to be written, and read, in the block; it gets its name when all is on disk.
+    """Open a file to be written, and read, in the block; it gets its name once it is on disk.
 
-    After a crash, a kill or a full disk it is there complete, or not at all.
+    After a crash, a kill or a full disk it is complete or absent.
 
-    An announced one the user asked for, and is told of after an interruption.
+    Args:
+        path: the file.
+        overwrite: whether an existing file is replaced.
+        announced: whether the user asked for it, and is told of it after an interruption.
 
     Raises:
         JointplayError: the file exists (and `overwrite` is false) or cannot be written.
@@ -205,8 +211,9 @@ def writing(
 
 
 def _name(part: Path, path: Path) -> None:
+    """Give a finished file its name, which must be free."""
     try:
-        os.link(part, path)  # fails if the name is taken, which a rename does not
+        os.link(part, path)  # fails if the name is taken; a rename would replace
     except OSError as error:
         if isinstance(error, FileExistsError) or os.path.lexists(path):
             raise exists(path) from None
@@ -216,7 +223,7 @@ def _name(part: Path, path: Path) -> None:
 
 
 def _sync(folder: Path) -> None:
-    """Have the new name survive a power failure, where the system can do that."""
+    """Sync a folder, so that new names in it survive a power failure, where the system can."""
     with suppress(OSError), ExitStack() as stack:
         descriptor = os.open(folder, os.O_RDONLY)
         stack.callback(os.close, descriptor)
@@ -224,19 +231,20 @@ def _sync(folder: Path) -> None:
 
 
 def exists(path: Path) -> JointplayError:
-    """What to say of a file that is there already."""
+    """Error for a file that already exists."""
     return JointplayError(f"{str(path)!r} already exists; choose another name")
 
 
 def cannot_write(path: Path, error: Exception) -> JointplayError:
-    """What to say of a file that cannot be written."""
+    """Error for a file that cannot be written."""
     return JointplayError(f"cannot write {str(path)!r}: {getattr(error, 'strerror', '') or error}")
 
 
 def temporary(noun: str = "files") -> tempfile.TemporaryDirectory[str]:
-    """A folder, named after `noun`, that goes with the block or with this process.
+    """Make a temporary folder, named after `noun`, that is deleted with the block or the process.
 
-    Those of processes that were killed, marked as ours and older than a day, are deleted first.
+    First, folders left by killed processes, marked as this user's and older than a day, are
+    deleted.
     """
     place = tempfile.gettempdir()
     if place not in _swept:
@@ -253,19 +261,19 @@ def temporary(noun: str = "files") -> tempfile.TemporaryDirectory[str]:
     weakref.finalize(folder, os.close, owner)
     try:
         locks.lock(owner)
-    except OSError:  # a file system without locks: nothing there would say that this one lives
+    except OSError:  # a file system without locks, where others would take this owner for dead
         mark.unlink()
     return folder
 
 
 def _sweep(place: Path) -> None:
-    """Delete the temporary folders of dead processes."""
+    """Delete old temporary folders of dead processes of this user and machine."""
     import socket  # takes long to import
 
     for folder in place.glob("jointplay-*"):
         with suppress(OSError, ValueError), ExitStack() as stack:
             mark = (folder / MARK).lstat()
-            user = os.getuid() if hasattr(os, "getuid") else mark.st_uid  # Windows keeps none
+            user = os.getuid() if hasattr(os, "getuid") else mark.st_uid  # Windows has none
             ours = mark.st_uid == folder.lstat().st_uid == user
             plain = stat.S_ISREG(mark.st_mode) and not folder.is_symlink()
             if not (ours and plain and time.time() - mark.st_mtime > LEFT_S):
@@ -277,24 +285,24 @@ def _sweep(place: Path) -> None:
 
 
 def is_file(path: Path) -> bool:
-    """Whether there is such a file; False also for names that none can have."""
+    """Whether a file exists; False also for impossible names."""
     return os.path.isfile(path)
 
 
 def cache_folder() -> Path:
-    """Where what takes long to find is kept: ``JOINTPLAY_CACHE``, else in the user's cache."""
+    """Folder for cached results: ``JOINTPLAY_CACHE``, else in the user's cache."""
     default = "~/Library/Caches" if sys.platform == "darwin" else "~/.cache"
     user = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser(default)
     return Path(os.environ.get("JOINTPLAY_CACHE") or Path(user) / "jointplay")
 
 
 def is_folder(path: Path) -> bool:
-    """Whether there is such a folder; False also for names that none can have."""
+    """Whether a folder exists; False also for impossible names."""
     return os.path.isdir(path)
 
 
 def require_file(path: Path, noun: str) -> None:
-    """Refuse what is no file to be read: there is nothing, or another kind of thing."""
+    """Raise unless a file exists at the path; the message names what is there instead."""
     if is_file(path):
         return
     kinds = {stat.S_IFDIR: "folder", stat.S_IFIFO: "pipe", stat.S_IFSOCK: "socket",
@@ -306,10 +314,11 @@ def require_file(path: Path, noun: str) -> None:
 
 
 def arrays(path: Path | BinaryIO) -> dict[str, np.ndarray]:
-    """All arrays of an ``.npz`` file, by its name or open, none of which may hold objects.
+    """Read all arrays of an ``.npz`` file, given by name or open; none may hold objects.
 
     Raises:
-        OSError, ValueError: it cannot be read; it is damaged, or another kind of file.
+        OSError: it cannot be read.
+        ValueError: it is damaged, or another kind of file.
     """
     import numpy as np
 
@@ -319,15 +328,16 @@ def arrays(path: Path | BinaryIO) -> dict[str, np.ndarray]:
     except OSError:
         raise
     except Exception as error:  # noqa: BLE001
-        # zipfile, zlib and numpy raise whatever damaged bytes make them do
+        # On damaged bytes zipfile, zlib and numpy may raise anything.
         raise ValueError(" ".join(str(error).split()) or type(error).__name__) from None
 
 
 def check_plain(path: Path, most: int) -> None:
-    """Refuse what is no plain file of at most `most` bytes, before it is opened.
+    """Raise, before it is opened, unless a path is a plain file of at most `most` bytes.
 
     Raises:
-        OSError, ValueError: it cannot be looked at; it is of another kind, or larger.
+        OSError: it cannot be examined.
+        ValueError: it is no plain file, or larger.
     """
     status = path.stat()
     if not stat.S_ISREG(status.st_mode):
@@ -338,20 +348,20 @@ def check_plain(path: Path, most: int) -> None:
 
 
 def read_plain(path: Path, most: int) -> bytes:
-    """What a plain file says, as `check_plain`: devices, pipes and giants are not opened."""
+    """Read a plain file of at most `most` bytes; raises as `check_plain` does."""
     check_plain(path, most)
     with path.open("rb") as file:
-        data = file.read(most + 1)  # what grows meanwhile, or says nothing of its size
+        data = file.read(most + 1)  # it may grow meanwhile, or not tell its size
     if len(data) > most:
         raise ValueError(f"it has more than {most / 1e6:g} MB")
     return data
 
 
 def read_text(path: Path, noun: str, most: int = MOST_TEXT) -> str:
-    """The UTF-8 text of a plain file of at most `most` bytes; `noun` it is, for messages.
+    """Read the UTF-8 text of a plain file of at most `most` bytes; `noun` names it in messages.
 
     Raises:
-        JointplayError: it cannot be read, is another kind of thing, larger, or other text.
+        JointplayError: it cannot be read, is no plain file, too large, or no UTF-8 text.
     """
     with system_errors(f"cannot read the {noun} {str(path)!r}"):
         content = read_plain(path, most)
@@ -373,17 +383,17 @@ _BEGINNINGS = {
     b"\xff\xfe": "UTF-16; save it as UTF-8",
     b"MATLAB": "a file of MATLAB; writetable makes a CSV",
 }
-"""What files are that are no text, by their first bytes."""
+"""Kinds of files that are no text, by their first bytes, with advice."""
 
 
 def csv_rows(path: Path, noun: str) -> list[tuple[int, list[str]]]:
-    """Rows of a CSV file, each with the number of its line; lines beginning with # are comments.
+    """Read the rows of a CSV file, the header first, each with the number of its line.
 
-    A row is a line, the first the header; `noun` the file is, for messages.
+    Empty lines and those beginning with # are skipped; `noun` names the file in messages.
 
     Raises:
-        JointplayError: it cannot be read, is empty, a quote is not closed, or a row has not as many
-            cells as the header.
+        JointplayError: it cannot be read or is empty, a quote is not closed, or a row has not as
+            many cells as the header.
     """
     text = read_text(path, noun)
     rows: list[tuple[int, list[str]]] = []
@@ -405,7 +415,7 @@ def csv_rows(path: Path, noun: str) -> list[tuple[int, list[str]]]:
 
 @cache
 def shipped_table(module: str, name: str) -> dict[str, Any]:
-    """What the file ``data/NAME.toml`` beside a module, given by its own file, says."""
+    """Read ``data/NAME.toml`` beside a module, which is given by its ``__file__``."""
     import tomllib  # seldom needed
 
     with (Path(module).parent / "data" / f"{name}.toml").open("rb") as file:
@@ -413,10 +423,7 @@ def shipped_table(module: str, name: str) -> dict[str, Any]:
 
 
 def names_for(labels: Iterable[str], ending: str) -> list[str]:
-    """A file's name for each label: itself, but for what some file system does not take.
-
-    None names a folder or another one's file, whatever the labels are.
-    """
+    """Make a file name from each label, valid on every file system and distinct from the others."""
     names: list[str] = []
     for label in labels:
         stem = re.sub(r"[^\w.+-]+", "_", label).strip("._") or "unnamed"
@@ -429,15 +436,15 @@ def names_for(labels: Iterable[str], ending: str) -> list[str]:
 
 
 def check_new(path: str | Path) -> Path:
-    """Refuse a file that cannot be written anew, before any work is done.
+    """Raise, before any work is done, unless a new file can be written at a path.
 
     Raises:
-        JointplayError: it exists, or its folder does not or cannot be written to.
+        JointplayError: it exists, or its folder does not, or cannot be written to.
     """
     path = Path(path)
     with system_errors(f"cannot write {str(path)!r}"):
         with suppress(FileNotFoundError, NotADirectoryError):
-            path.lstat()  # which refuses names that no file can have
+            path.lstat()  # raises for impossible names
             raise exists(path)
         if not path.parent.is_dir():
             raise JointplayError(f"cannot write {str(path)!r}: no folder {str(path.parent)!r}")
@@ -447,19 +454,19 @@ def check_new(path: str | Path) -> Path:
 
 
 def refuse_present(folder: str | Path, names: Iterable[str]) -> None:
-    """Refuse a folder that holds one of the files already, before any work is done."""
+    """Raise, before any work is done, if a folder already holds one of the files."""
     for name in names:
         if os.path.lexists(Path(folder) / name):
             raise JointplayError(_present(Path(folder), name))
 
 
 def claim(folder: str | Path, names: Iterable[str]) -> Path:
-    """Make `folder`, sure that `names` can be written there and that no other process writes there.
+    """Make a folder if needed, and lock it for this process, so that `names` can be written there.
 
-    The claim ends with the process, however it ends.
+    The claim ends with the process, however that ends.
 
     Raises:
-        JointplayError: the folder holds one of the files already, another process has claimed it,
+        JointplayError: the folder already holds one of the files, another process has claimed it,
             or it cannot be written to.
     """
     folder = Path(folder)
@@ -478,7 +485,7 @@ def claim(folder: str | Path, names: Iterable[str]) -> Path:
 
 
 def _lock(folder: Path) -> None:
-    """Hold an advisory lock on the folder itself until this process ends."""
+    """Hold an advisory lock on a folder until this process ends."""
     place = folder.resolve()
     if place in _claimed:
         return
@@ -502,14 +509,14 @@ def _lock(folder: Path) -> None:
 
 
 def remove_made_folders() -> None:
-    """Remove the folders that `claim` has made, as far as nothing is in them."""
+    """Remove the folders that `claim` has made and that are still empty."""
     while _new_folders:
         with suppress(OSError):
             _new_folders.pop().rmdir()
 
 
 def empty(folder: Path) -> None:
-    """Delete all that is in a folder, which stays, and so does a claim of it.
+    """Delete everything in a folder; the folder stays, and so does a claim of it.
 
     Raises:
         OSError: something cannot be deleted.
@@ -529,7 +536,7 @@ def release(folder: str | Path) -> None:
 
 
 def _present(folder: Path, name: str) -> str:
-    """What to say of a file that is in the way: whether it is whole, or the rest of a run."""
+    """Message for a file that is in the way: a result, or a broken one left by a killed run."""
     from jointplay.base import hdf5
 
     path = folder / name

@@ -1,12 +1,12 @@
-"""HDF5 files of strangers, looked at by a process of their own before this one reads them.
+"""Untrusted HDF5 files: examined by a process of their own before this one reads them.
 
-HDF5 does what a file says: it takes numbers from other files that the file names (external
-storage, external links, virtual datasets), loads filters, and crashes or hangs over what was made
-to do that. So another process reads all of it first. What is stored otherwise than results are is
-refused before a number is read, by a process that at that time cannot open any file; what crashes,
-fills the memory or never ends does so there.
+HDF5 obeys a file: it takes numbers from other files that it names (external storage, external
+links, virtual datasets), loads filters, and crashes or hangs on files made for that. So another
+process reads all of it first. Anything stored otherwise than results are is refused before a number
+is read, by a process that at that time cannot open any file; a crash, full memory or an endless
+loop happens there.
 
-The process runs `serve`; it must start quickly, and so imports nothing else of jointplay.
+The process runs `serve`. It must start quickly, so this module imports little else of jointplay.
 """
 
 import codecs
@@ -22,30 +22,31 @@ from jointplay.base import confined
 from jointplay.base.errors import damaged
 
 TIME_S = 60.0
-"""Longest processor time that reading a file may take, and 1 s for each megabyte [s]."""
+"""Processor time allowed for reading a file, besides 1 s per megabyte [s]."""
 
 _FILTERS = {1: "deflate", 2: "shuffle", 3: "fletcher32"}
-"""What the numbers of a file may have gone through."""
+"""HDF5 filters that are allowed."""
 
 _MOST_PACKED = 1100
-"""No chunk unpacks to more times its size: deflate gives 1032 at most."""
+"""Largest compression ratio that is believed; deflate reaches 1032 at most."""
 
 _SMALL = 1 << 20
-"""Datasets up to this size may claim more than they store [bytes]."""
+"""Size up to which a dataset may claim more than it stores [bytes]."""
 
 _AT_ONCE = 1 << 23
-"""What is read at once [bytes]."""
+"""Size of the portions in which datasets are read [bytes]."""
 
 _REFUSED = 3
-"""Exit status of the process that has found what a file may not have."""
+"""Exit status of the process that has found something forbidden in a file."""
 
 
 @contextmanager
 def examined(path: Path) -> Iterator[None]:
-    """Have another process read an HDF5 file while the block runs, and wait for what it says.
+    """Have another process examine an HDF5 file while the block runs, then wait for its verdict.
 
     Raises:
-        JointplayError: the file is damaged, or has what no result has; the message says which.
+        JointplayError: the file is damaged, or has something that no result has; the message names
+            it.
     """
     allowed = TIME_S + path.stat().st_size / 1e6
     room = confined.MEMORY_SHARE * confined.memory()
@@ -59,22 +60,22 @@ def examined(path: Path) -> Iterator[None]:
 
 
 class _Refused(Exception):
-    """A file has what no result has."""
+    """A file has something that no result has."""
 
 
 def serve(path: str) -> None:
-    """Look at a file: ends with 0, or with `_REFUSED` and the reason on standard output."""
+    """Examine a file; exits with 0, or with `_REFUSED` and the reason on standard output."""
     import h5netcdf
     import h5py
 
-    codecs.lookup("ascii")  # which h5py would open a file for
+    codecs.lookup("ascii")  # h5py needs it, and could not load it while files are `closed`
     try:
         with h5py.File(path, "r") as file:
             with confined.closed():
                 _check(h5py, file)
             with h5netcdf.File(file, "r") as opened:
                 _read(opened)
-    except Exception as error:  # noqa: BLE001 - HDF5 raises whatever it stumbles over
+    except Exception as error:  # noqa: BLE001 - HDF5 may raise anything
         sys.stdout.write(" ".join(str(error).split()) or type(error).__name__)
         sys.stdout.flush()
         os._exit(_REFUSED)
@@ -82,7 +83,7 @@ def serve(path: str) -> None:
 
 
 def _check(h5py: Any, file: Any) -> None:
-    """Refuse what no result has: all of its numbers and texts are plainly in the file."""
+    """Raise unless all numbers and texts are stored in the file itself, as results have them."""
     _check_attributes(h5py, file)
     for name in file:
         link = type(file.get(name, getlink=True)).__name__
@@ -110,7 +111,8 @@ def _check(h5py: Any, file: Any) -> None:
 
 
 def _check_attributes(h5py: Any, owner: Any) -> None:
-    pairs = {"DIMENSION_LIST", "REFERENCE_LIST"}  # these join datasets to their dimensions
+    """Raise unless attributes are numbers or text, or link datasets to their dimensions."""
+    pairs = {"DIMENSION_LIST", "REFERENCE_LIST"}
     for label in owner.attrs:
         kind = owner.attrs.get_id(label).dtype
         inner = [h5py.check_vlen_dtype(kind) or kind] if not kind.names else [kind[0], kind[1]]
@@ -121,12 +123,13 @@ def _check_attributes(h5py: Any, owner: Any) -> None:
 
 
 def _plain(h5py: Any, kind: Any) -> bool:
-    """Whether it is a type of numbers that numpy has, or of text."""
+    """Whether a type is one of numpy's numbers, or text."""
     numbers = kind.kind in "iuf" and kind.itemsize <= 8
     return numbers or h5py.check_string_dtype(kind) is not None
 
 
 def _read(opened: Any) -> None:
+    """Read everything in a file, in portions, so that damage shows."""
     dict(opened.attrs)
     for variable in opened.variables.values():
         dict(variable.attrs)

@@ -1,4 +1,4 @@
-"""Libraries that are extras, imported at the moment of need, and those that are not needed."""
+"""Optional libraries, imported when they are needed, and imports that can be spared."""
 
 import sys
 from collections.abc import Iterator
@@ -9,16 +9,16 @@ from jointplay.base.errors import JointplayError
 
 
 def how_to_install(name: str) -> str:
-    """How one gets an extra, as a message says it: from a clone, as nothing is released yet."""
+    """Advice, for messages, how to install an extra: from a clone, as nothing is released yet."""
     return f"pip install '.[{name}]' in the clone of jointplay"
 
 
 @contextmanager
 def extra(name: str, package: str) -> Iterator[None]:
-    """Say of a library that the block cannot import which extra brings it.
+    """Turn a failing import in the block into an error that names the extra to install.
 
     Raises:
-        JointplayError: it is missing.
+        JointplayError: the library is missing.
     """
     try:
         yield
@@ -28,15 +28,15 @@ def extra(name: str, package: str) -> Iterator[None]:
 
 
 def spare_other_arrays() -> None:
-    """Have xarray import no library of arrays only to ask whether an array is one of its own.
+    """Keep xarray from importing array libraries only to check whether an array is one of theirs.
 
-    That is for processes of our own: xarray takes arrays of a library that is imported later for
-    numpy's.
+    Only for processes of this package: xarray then takes arrays of a library that is imported later
+    for numpy's.
     """
     from xarray.namedarray import pycompat
 
     none = SimpleNamespace(module=None, version=pycompat.Version("0"), type=(), available=False)
-    with suppress(AttributeError):  # another xarray, which imports them
+    with suppress(AttributeError):  # another version of xarray, which will import them
         known: dict[str, object] = pycompat._cached_duck_array_modules  # type: ignore[assignment]
         for name in {"dask", "pint", "cupy", "sparse", "cubed"} - sys.modules.keys():
             known.setdefault(name, none)

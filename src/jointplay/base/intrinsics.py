@@ -1,4 +1,4 @@
-"""What compiled code does with addresses, and Python cannot: `compiler` has these functions."""
+"""Intrinsics of compiled code for work with addresses; `compiler` declares and explains them."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from jointplay.base import objects
 
 
 def numba_type(letter: str) -> Any:
-    """numba's type for a letter of `compiler.Compiled.native`."""
+    """numba's type for a letter of a signature (`compiler.Compiled.native`)."""
     return {
         "v": types.void,
         "i": types.int64,
@@ -26,7 +26,7 @@ def numba_type(letter: str) -> Any:
 
 
 def numba_signature(signature: str) -> Any:
-    """numba's signature for one of letters."""
+    """numba's signature for one in letters."""
     return numba_type(signature[0])(*map(numba_type, objects.flat(signature)))
 
 
@@ -105,7 +105,7 @@ def open_arrays(
 def _opening(
     array: Any, record: Any, name: str, shape: Sequence[tuple[int, str | None]]
 ) -> Callable[..., Any]:
-    """What numba calls to make code that opens an array."""
+    """Code generator for numba that makes the array of a field from its address and shape."""
 
     def integer(builder: Any, value: Any, field: str) -> Any:
         kind = ir.IntType(64)

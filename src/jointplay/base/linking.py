@@ -1,9 +1,10 @@
-"""One object of a compiled function and all that it calls, by numba's public ways.
+"""Compilation of a function and everything that it calls into one object, by numba's public API.
 
-By itself numba optimises and translates every function it meets, with all that it calls, on its
-own, and once more in every caller: most of what a first start takes. Here each function is a part:
-numba types and lowers it without optimising, and a caller only declares the parts that it calls.
-`build` links what a function needs once, optimises that as a whole and translates it.
+By itself numba optimises and translates every function that it meets, together with all that this
+calls, and once more in every caller: most of the time of a first start. Here each function is a
+part: numba types and lowers it without optimising, and a caller only declares the parts that it
+calls. `build` links the parts that a function needs, once each, optimises the whole and translates
+it to machine code.
 
 `compiler` imports this module when something is compiled.
 """
@@ -35,17 +36,17 @@ from jointplay.base.objects import Target, Unresolved
 __all__ = ["Part", "build"]
 
 _parts: dict[str, tuple[Any, tuple[Any, ...]]] = {}
-"""By the name of its symbol each part that was lowered: its dispatcher and types of arguments."""
+"""Lowered parts by symbol: dispatcher and argument types of each."""
 
 _lowering_part = False
-"""Whether numba lowers a part, whose own parts `build` links; else those are linked by numba."""
+"""Whether numba is lowering a part, whose callees `build` will link; else numba must link them."""
 
 
 class Part:
-    """A function that numba types and lowers, for each types of arguments, without optimising.
+    """A function that numba types and lowers for given argument types, without optimising.
 
     Attributes:
-        kind: numba's type of it, where compiled code names it.
+        kind: numba's type of the function, for code that calls it.
     """
 
     def __init__(self, function: Any, options: dict[str, Any]) -> None:
@@ -61,7 +62,7 @@ class Part:
         lower_builtin(function, types.VarArg(types.Any))(self._call)
 
     def lowered(self, kinds: tuple[Any, ...]) -> Any:
-        """numba's result for these types of arguments."""
+        """numba's compilation result for these argument types."""
         if kinds not in self._dispatcher.overloads:
             with _as_part():
                 self._dispatcher.compile(kinds)
@@ -70,7 +71,7 @@ class Part:
         return self._dispatcher.overloads[kinds]
 
     def _call(self, context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        """Write the call of it; its own code comes later, or from a library of numba's."""
+        """Emit a call of the function; `build` or a library of numba's adds its code later."""
         callee = self.lowered(signature.args).fndesc
         status, answer = context.call_conv.call_function(
             builder,
@@ -88,9 +89,9 @@ class Part:
 
 @contextmanager
 def _as_part() -> Iterator[None]:
-    """Within the block numba optimises nothing; garbage collection would find nothing, either."""
+    """Within the block numba does not optimise; nor is garbage collected, as there is none."""
     global _lowering_part
-    _ = cpu_target.target_context  # makes the code generator, which is to optimise all else
+    _ = cpu_target.target_context  # first makes the code generator, at its usual optimisation
     level, collects, within = config.OPT, gc.isenabled(), _lowering_part
     config.OPT, _lowering_part = type(level)(0), True
     gc.disable()
@@ -103,7 +104,7 @@ def _as_part() -> Iterator[None]:
 
 
 def _linked(module: Any) -> Any:
-    """A module with all parts that it declares, and those that these declare."""
+    """Link a module with all parts that it declares, and those that these declare in turn."""
     missing = _declared(module)
     while missing:
         for name in missing:
@@ -114,12 +115,13 @@ def _linked(module: Any) -> Any:
 
 
 def _declared(module: Any) -> list[str]:
+    """Symbols of the parts that a module declares but does not define."""
     return [f.name for f in module.functions if f.is_declaration and f.name in _parts]
 
 
 @cache
 def _library(name: str) -> Any:
-    """A part with all that it calls, as numba links it into functions of others."""
+    """Library of a part with everything that it calls, which numba links into other functions."""
     dispatcher, kinds = _parts[name]
     library = cpu_target.target_context.codegen().create_library(name)
     library.add_llvm_module(_linked(binding.parse_assembly(dispatcher.inspect_llvm(kinds))))
@@ -128,21 +130,23 @@ def _library(name: str) -> Any:
 
 
 _ENTRY = "jointplay_entry"
-"""Name of the function that an object is made for."""
+"""Symbol of the function through which an object is entered."""
 
 
 def build(part: Part, signature: str, target: Target) -> tuple[Callable[[], bytes], str]:
-    """What makes object code of a function, and a letter for each number that it returns.
-
-    What it makes it of is typed, lowered and linked: what is left is LLVM's work.
+    """Type, lower and link a function with everything that it calls.
 
     Args:
         part: the function.
-        signature: types of arguments, as `compiler.Compiled` writes them.
-        target: the processor and system that it is made for.
+        signature: types of its arguments, as `compiler.Compiled` writes them.
+        target: processor and system to compile for.
+
+    Returns:
+        A function that does LLVM's part of the work and returns the object code; and a letter for
+        the type of each number that the compiled function returns.
 
     Raises:
-        Unresolved: by what makes it: it needs numba's own libraries.
+        Unresolved: from that function, if the code needs numba's own libraries.
     """
     with global_compiler_lock:
         kinds = tuple(_types(signature))
@@ -156,7 +160,7 @@ def build(part: Part, signature: str, target: Target) -> tuple[Callable[[], byte
     linked.triple, linked.data_layout = target.triple, str(machine.target_data)
     for k, value in enumerate((*linked.functions, *linked.global_variables)):
         if not value.is_declaration and value.name != _ENTRY:
-            # numba's names count what it has compiled before: the same code is the same object.
+            # numba's names count what it has compiled before; these make objects reproducible.
             value.linkage, value.name = "internal", f"part_{k}"
 
     def translate() -> bytes:
@@ -172,13 +176,13 @@ def build(part: Part, signature: str, target: Target) -> tuple[Callable[[], byte
 
 _ALLOCATE = ("NRT_MemInfo_alloc_aligned", "NRT_MemInfo_alloc_safe_aligned")
 _BEFORE, _DATA = 64, 24
-"""Bytes of a block before its numbers, and where among them lies the address of the numbers."""
+"""Bytes of an allocated block before its data, and the offset in them of the data's address."""
 
 
 def _add_runtime(linked: Any) -> None:
-    """Add what counts references to arrays and frees them: numba's own needs numba.
+    """Add a runtime that allocates arrays, counts references and frees, as numba's needs numba.
 
-    Where nothing is allocated there is nothing to count.
+    Where nothing is allocated, counting does nothing.
     """
     byte, word, size = ir.IntType(8).as_pointer(), ir.IntType(64), ir.IntType(32)
     module = ir.Module("runtime")
@@ -195,7 +199,7 @@ def _add_runtime(linked: Any) -> None:
         for (builder, function), step in zip(counting, (1, -1), strict=True):
             (block,) = function.args
             with builder.if_then(builder.icmp_unsigned("!=", block, byte(None))):
-                # No other thread has these arrays: they are made and freed within one call.
+                # No atomic counting: these arrays are made and freed within one call of one thread.
                 count = builder.bitcast(block, word.as_pointer())
                 left = builder.add(builder.load(count), word(step))
                 builder.store(left, count)
@@ -223,7 +227,7 @@ def _add_runtime(linked: Any) -> None:
 
 
 def _machine(target: Target) -> Any:
-    """What translates for a target, into code that may lie anywhere."""
+    """LLVM's machine for a target, with position-independent code."""
     if target.triple != binding.get_process_triple():
         binding.initialize_all_targets()
         binding.initialize_all_asmprinters()
@@ -233,10 +237,10 @@ def _machine(target: Target) -> Any:
 
 
 def _check(module: Any) -> None:
-    """One symbol that is not found would leave all without addresses, without a word.
+    """Check that all undefined symbols are the system's; else loading would fail silently.
 
     Raises:
-        Unresolved: one is not the system's.
+        Unresolved: one is not.
     """
     system = ctypes.CDLL(None)
     used = [value for value in (*module.functions, *module.global_variables)
@@ -247,7 +251,7 @@ def _check(module: Any) -> None:
 
 
 def _types(signature: str) -> list[Any]:
-    """numba's types of the arguments of a signature."""
+    """Parse a signature into numba's types of its arguments."""
     text = signature[signature.index("(") + 1 : -1]
     kinds, remainder = _several(text)
     assert not remainder, signature
@@ -255,7 +259,7 @@ def _types(signature: str) -> list[Any]:
 
 
 def _several(text: str) -> tuple[list[Any], str]:
-    """Types until a closing bracket, and what comes after them."""
+    """Parse types up to a closing bracket; returns them and the remaining text."""
     kinds: list[Any] = []
     while text and not text.startswith(")"):
         kind, text = re.match(r"([^,()]*)(.*)", text).groups()  # type: ignore[union-attr]
@@ -278,10 +282,10 @@ def _several(text: str) -> tuple[list[Any], str]:
 
 
 def _enter(context: Any, module: Any, lowered: Any, kinds: tuple[Any, ...], answer: str) -> str:
-    """Write the function that enters the code: it makes arrays of what the machine gives.
+    """Emit the entry function, which makes arrays and tuples of machine words and calls the code.
 
-    It returns what the function does, or where `answer` is no letter, numba's status: what the
-    function returns is written to the address that comes first.
+    It returns the function's result; or, where `answer` is no letter, numba's status, and writes
+    the results to the address in its first argument. Returns the letters of the results.
     """
     word, double = ir.IntType(64), ir.DoubleType()
     letters = {types.float64: (double, "d"), types.none: (ir.VoidType(), "v")}

@@ -30,7 +30,7 @@ def lock(descriptor: int) -> None:
 
 
 def opened(folder: Path) -> int:
-    """A descriptor to lock a folder by: its own, or on Windows that of a file named after it."""
+    """Open a descriptor by which to lock a folder: its own, or on Windows that of a proxy file."""
     if fcntl:
         return os.open(folder, os.O_RDONLY)
     from hashlib import sha256

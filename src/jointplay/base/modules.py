@@ -1,7 +1,7 @@
-"""Modules of the user's own: files name functions in them, and none is loaded that nobody named.
+"""The user's own modules, whose functions files may name; none is imported unless the user says so.
 
-To import a module is to run it. So a function that a file names, ``module:function``, is looked for
-only in modules that the user has had imported: ``--import MODULE`` on the command line,
+Importing a module runs it. So a function that a file names, ``module:function``, is looked up only
+in modules that the user has had imported: by ``--import MODULE`` on the command line, or by
 `import_module` in Python.
 """
 
@@ -17,18 +17,19 @@ from typing import Any
 from jointplay.base.errors import JointplayError, require_a
 
 imported: dict[str, ModuleType] = {}
-"""By name."""
+"""Imported modules by name."""
 
 _came_with: dict[str, dict[str, Path]] = {}
-"""Files of a module that was imported by its file and of what it took from its folder, by name."""
+"""For each module imported by its file: the files of all modules that came from its folder with it,
+by their names."""
 
 
 def import_module(module: str | Path) -> ModuleType:
-    """Import a module of the user's own; files may then name functions in it.
+    """Import a module of the user's, so that files may name functions in it.
 
     Args:
-        module: its name, as Python finds it or in the current folder, or its file, which ends with
-            ``.py`` and is read again each time.
+        module: its name, as Python finds it or in the current folder; or its file, which ends with
+            ``.py`` and is read anew each time.
 
     Raises:
         JointplayError: it cannot be imported, or another module has its name.
@@ -56,10 +57,10 @@ def import_module(module: str | Path) -> ModuleType:
 
 
 def _from(folder: Path, name: str) -> ModuleType:
-    """The module of this name, which may lie in a folder."""
+    """Import a module by name, which may lie in a folder."""
     importlib.invalidate_caches()
     sys.path.append(str(folder))
-    # Bytecode counts for a file of the same size and second: one written anew may have both.
+    # Cached bytecode is matched by size and time in seconds, which a rewritten file may share.
     before, sys.dont_write_bytecode = sys.dont_write_bytecode, True
     try:
         return importlib.import_module(name)
@@ -69,29 +70,29 @@ def _from(folder: Path, name: str) -> ModuleType:
 
 
 def file_of(module: ModuleType | None) -> Path | None:
-    """The file of a module that can be imported by it."""
+    """File by which a module can be imported, if there is one."""
     file, name = (Path(getattr(module, "__file__", None) or ""), getattr(module, "__name__", ""))
     return file.resolve() if file.name == f"{name}.py" else None
 
 
 def files_with(name: str) -> list[Path]:
-    """The file of a module, and those of what it took from its folder if it was imported by it."""
+    """Files of a module and of what it imported from its own folder, if it was imported by file."""
     file = file_of(sys.modules.get(name))
     return sorted(_came_with.get(name, {"": file} if file else {}).values())
 
 
 def imported_modules() -> tuple[str, ...]:
-    """What `import_module` takes in another process to have the same."""
+    """Arguments of `import_module` that give another process the same modules."""
     return tuple(str(file_of(module) or name) for name, module in imported.items())
 
 
 def how_to_import(module: str) -> str:
-    """What to do for a module, as a message says it."""
+    """Advice, for messages, how to have a module imported."""
     return f"if you know it: --import {module}, or jointplay.import_module({module!r}) in Python"
 
 
 def named(name: str) -> Callable[..., Any]:
-    """The function ``module:function``, whatever it may be: this runs its module.
+    """Import the function ``module:function``, which runs its module.
 
     Raises:
         JointplayError: it cannot be imported here.

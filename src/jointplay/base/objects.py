@@ -1,9 +1,9 @@
-"""Compiled functions as object code: kept in files, checked, and loaded without the compiler.
+"""Object code of compiled functions: kept in files, verified, and loaded without the compiler.
 
-A file has a line of JSON (`Head`), the object as the compiler wrote it, and a hash of both: what is
-damaged, of other sources, of other types or for another processor is none. Those that come with the
-package lie in its folder `FOLDER`; those made here in the first of these that can be
-written to: NUMBA_CACHE_DIR, the package's own folder, the user's cache.
+A file has a line of JSON (`Head`), the object as the compiler wrote it, and a hash of both. A file
+that is damaged, of other sources, of other types or for another processor is ignored. Objects that
+come with the package lie in its folder `FOLDER`; those compiled here in the first of these that can
+be written to: NUMBA_CACHE_DIR, the package's own folder, the user's cache.
 """
 
 from __future__ import annotations
@@ -30,41 +30,43 @@ from jointplay.base.errors import JointplayWarning
 from jointplay.base.files import temporary
 
 FOLDER = "objects"
-"""Of the package, which has objects that came with it, or were made where it lies."""
+"""Folder of the package for objects that came with it or were compiled where it lies."""
 
 NO_PLACE = (
     "compiled code cannot be kept, so every start compiles anew (half a minute or more): neither "
     "the package's folder nor the user's cache can be written to by this user alone; name a folder "
     "in NUMBA_CACHE_DIR"
 )
-"""What a user without a place for compiled code is told."""
+"""Warning where no folder for compiled code can be written to."""
 
 _PACKAGE = Path(__file__).parents[1]
 _HASH_BYTES = hashlib.sha256().digest_size
 _LOOK_S = 0.05
-"""Between looks whether another process has compiled."""
+"""Interval at which a waiting process tries to get the lock [s]."""
 
 _TELLS_S = 60.0
-"""After which it is said that this one waits: twice what compiling usually takes."""
+"""Wait after which the user is told of it [s]: twice the usual time to compile."""
 
 _MOST_WAIT_S = 300.0
-"""Longest wait for another one: five times that. Objects are whole whoever writes them last."""
+"""Longest wait for another process [s]: five times that. Objects are whole whoever writes last."""
 
 
 @dataclass(frozen=True)
 class Head:
-    """What is known of an object."""
+    """Metadata of an object."""
 
     function: str
+    """Qualified name of the function."""
     kinds: str
     """Types of its arguments."""
     fingerprint: str
-    """Of the sources."""
+    """Hash of the sources."""
     system: str
     """Architecture and operating system."""
     features: tuple[str, ...]
-    """What the processor must be able to do."""
+    """Features that the processor must have."""
     returns: str
+    """Types of the results, a letter each."""
     symbol: str = "jointplay_entry"
 
 
@@ -73,18 +75,20 @@ class Unresolved(Exception):
 
 
 class Target(NamedTuple):
-    """What objects are made for."""
+    """Processor and system for which objects are compiled."""
 
     label: str
-    """In the names of files."""
+    """Label in file names."""
     system: str
     """Architecture and operating system."""
     features: tuple[str, ...]
-    """What the processor must be able to do."""
+    """Features that the processor must have."""
     triple: str
-    """The linker's name of the system, and what the compiler is told of the processor."""
+    """LLVM's name of the system."""
     cpu: str
+    """LLVM's name of the processor."""
     flags: str
+    """Processor features for LLVM."""
 
 
 _LEVEL_3 = (
@@ -98,19 +102,20 @@ RELEASED = (
     Target("aarch64", "aarch64-linux", (), "aarch64-unknown-linux-gnu", "generic", ""),
     Target("macos-arm64", "arm64-darwin", (), "arm64-apple-macosx11.0.0", "apple-m1", ""),
 )
-"""What a wheel has objects for. Those of the last two are compiled elsewhere and were never run."""
+"""Targets of which a wheel has objects. Those of the last two are cross-compiled and were never
+run."""
 
 
 @cache
 def host() -> Target:
-    """This process and its processor."""
+    """Target of this process: its processor and system."""
     from llvmlite import binding
 
     try:
         supported = binding.get_host_cpu_features()
         features = tuple(sorted(name for name, has in supported.items() if has))
         flags = supported.flatten()
-    except RuntimeError:  # llvmlite does not know, on some systems
+    except RuntimeError:  # on some systems llvmlite does not know them
         features, flags = (), ""
     system, cpu = f"{platform.machine()}-{sys.platform}", binding.get_host_cpu_name()
     label = hashlib.sha256(repr((system, cpu, features)).encode()).hexdigest()[:8]
@@ -119,8 +124,8 @@ def host() -> Target:
 
 @cache
 def folder() -> Path:
-    """Where objects are kept that are made here; where nothing can be, for this process alone."""
-    # Not one folder for several installations: each would throw away what the others made.
+    """Folder for objects compiled here; a temporary one where no other can be written to."""
+    # One folder per installation: in a common one each would discard the objects of the others.
     label = hashlib.sha256(str(_PACKAGE).encode()).hexdigest()[:12]
     named, home = os.environ.get("NUMBA_CACHE_DIR"), os.environ.get("XDG_CACHE_HOME")
     with suppress(RuntimeError):  # no home
@@ -142,24 +147,25 @@ def folder() -> Path:
 
 
 def _ours(status: os.stat_result) -> bool:
-    """Whether nobody but this user, the system and the package's owner can have written it."""
-    if not hasattr(os, "geteuid"):  # Windows, where a user's folders are his own
+    """Whether only this user, the system or the package's owner can have written a file."""
+    if not hasattr(os, "geteuid"):  # Windows, where a user's folders are private
         return True
     user = os.geteuid()
     others = stat.S_IWOTH
-    if status.st_gid != user:  # else the group that many systems make for each user
+    if status.st_gid != user:  # not the private group that many systems make for each user
         others |= stat.S_IWGRP
     owners = {user, 0, Path(__file__).stat().st_uid}
     return status.st_uid in owners and not status.st_mode & others
 
 
 def _stem(function: str, kinds: str) -> str:
+    """Beginning of the file names of a function's objects for these types."""
     plain = "".join(letter if letter.isalnum() or letter in "._" else "-" for letter in function)
     return f"{plain}-{hashlib.sha256(kinds.encode()).hexdigest()[:8]}"
 
 
 def find(function: str, kinds: str, fingerprint: str) -> Iterator[tuple[Head, bytes]]:
-    """Objects of a function for these types that are whole and run here, the best first."""
+    """Yield the objects of a function for these types that are whole and run here, best first."""
     stem = _stem(function, kinds)
     places = dict.fromkeys((folder(), _PACKAGE / FOLDER))
     labels = [host().label, *(target.label for target in RELEASED)]
@@ -174,7 +180,7 @@ def find(function: str, kinds: str, fingerprint: str) -> Iterator[tuple[Head, by
 
 
 def loaded(function: str, kinds: str, fingerprint: str) -> tuple[int, str] | None:
-    """Address of the first of these that the linker takes, and the letters of what it returns."""
+    """Load the first object that the linker takes: its address, and its return types."""
     for head, code in find(function, kinds, fingerprint):
         with suppress(RuntimeError):
             return load(code, head.symbol), head.returns
@@ -182,6 +188,7 @@ def loaded(function: str, kinds: str, fingerprint: str) -> tuple[int, str] | Non
 
 
 def _safe(place: Path) -> bool:
+    """Whether a folder exists that only trusted users can write to."""
     try:
         return _ours(place.stat())
     except OSError:
@@ -189,6 +196,7 @@ def _safe(place: Path) -> bool:
 
 
 def _read(path: Path) -> tuple[Head, bytes] | None:
+    """Read an object; None if it is missing, damaged, not to be trusted, or of another release."""
     try:
         with path.open("rb") as file:
             if not _ours(os.fstat(file.fileno())):
@@ -208,7 +216,7 @@ def _read(path: Path) -> tuple[Head, bytes] | None:
 
 
 def keep(head: Head, code: bytes, label: str) -> Path:
-    """Write an object for a target of this label; a reader sees it whole or not at all."""
+    """Write an object for a target of this label; readers see it whole or not at all."""
     body = json.dumps(asdict(head), sort_keys=True).encode() + b"\n" + code
     path = folder() / f"{_stem(head.function, head.kinds)}.{label}.o"
     part = path.with_suffix(f".{os.getpid()}.part")
@@ -223,7 +231,7 @@ def keep(head: Head, code: bytes, label: str) -> Path:
 
 
 def flat(signature: str) -> list[str]:
-    """Letters of the numbers that the machine gets, in order."""
+    """Types of the machine words that a signature's arguments make up, a letter each, in order."""
     letters: list[str] = []
     for kind in signature[signature.index("(") + 1 : -1].replace(")", "").split(","):
         kind = kind.rpartition("(")[2]
@@ -236,9 +244,9 @@ def flat(signature: str) -> list[str]:
 
 @contextmanager
 def alone() -> Iterator[None]:
-    """Have one process compile at a time: the others find what it made.
+    """Let one process compile at a time, so that the others find its objects.
 
-    They wait `_MOST_WAIT_S` at most: one that was stopped holds the lock for ever.
+    They wait for at most `_MOST_WAIT_S`, as a suspended process holds the lock for ever.
     """
     try:
         descriptor = locks.opened(folder())
@@ -269,7 +277,7 @@ def alone() -> Iterator[None]:
 
 
 _loaded: list[Any] = []
-"""They own the code that they have loaded."""
+"""Loaded libraries, kept because they own their code."""
 
 
 @cache
@@ -278,12 +286,12 @@ def _linker() -> Any:
 
     binding.initialize_native_target()
     binding.initialize_native_asmprinter()
-    # JITLink lays code and numbers within reach of each other, and says what it does not find.
+    # JITLink lays code and constants within reach of each other, and reports missing symbols.
     return binding.create_lljit_compiler(use_jit_link=True)
 
 
 def load(code: bytes, symbol: str) -> int:
-    """Address of a function of an object, which is loaded into this process."""
+    """Load an object into this process; returns the address of its function."""
     from llvmlite import binding
 
     library = binding.JITLibraryBuilder().add_object_img(code).add_current_process()

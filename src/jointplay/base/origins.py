@@ -1,4 +1,4 @@
-"""Values and their origins: who gave each, or which rule did, and what another would change."""
+"""Origins of values: who or which rule gave each, and what another value would change."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from typing import NamedTuple
 from jointplay.base.tables import Table
 
 GIVEN, FILE, SEEN, ASSUMED, GUESSED = "given", "file", "seen", "assumed", "guessed"
-"""Of what the user said, in options or in files; what a robot's own file has; what was seen in
-a catalogue; what nobody said, by a rule that holds or by one that may not. Numbers of presets are
-measured, seen, estimated or assumed."""
+"""Origins: given by the user, in options or in files; from the robot's own file; seen in a
+catalogue; assumed, that is given by nobody, by a rule that holds; guessed, by a rule that may not
+hold. Numbers of presets are measured, seen, estimated or assumed."""
 
 Key = tuple[str, ...]
 Origins = Mapping[Key, tuple[str, str]]
-"""Origin and source of values, by key of a scenario; of a whole table, too."""
+"""Origin and source of each value, by its key in the scenario, which may be that of a table."""
 
 
 def given(origins: Origins, *path: str) -> set[str]:
-    """Names of what somebody gave in the table at `path`."""
+    """Names in the table at `path` whose values were not assumed."""
     return {
         key[len(path)]
         for key, (origin, _) in origins.items()
@@ -29,7 +29,7 @@ def given(origins: Origins, *path: str) -> set[str]:
 
 
 _WIDTH = 60
-"""Letters of a source that a table shows."""
+"""Most characters of a value or source that a table shows."""
 
 EFFECTS = {
     "radial_clearance": "the error, in proportion",
@@ -55,20 +55,20 @@ EFFECTS = {
     "payloads": "on which side joints rest, and elasticity's part",
     "joint_friction": "on which side teeth stop",
 }
-"""What another value would change, by the last part of its key."""
+"""Effect of another value, by the last part of its key, or the first."""
 
 
 class Value(NamedTuple):
-    """A value, or the same one of several joints."""
+    """A value, or one that several joints share."""
 
     key: str
-    """As scenarios have it: ``joints.elbow.radial_clearance``."""
+    """Key in the scenario: ``joints.elbow.radial_clearance``."""
     value: str
-    """With its unit."""
+    """Value with its unit."""
     origin: str
-    """``given``, ``file``, ``measured``, ``seen``, ``estimated`` or ``assumed``."""
+    """``given``, ``file``, ``measured``, ``seen``, ``estimated``, ``assumed`` or ``guessed``."""
     source: str
-    """The option, file, preset or rule."""
+    """Option, file, preset or rule that gave it."""
 
     @property
     def assumed(self) -> bool:
@@ -76,23 +76,23 @@ class Value(NamedTuple):
 
     @property
     def effect(self) -> str:
-        """What another value would change."""
+        """Effect that another value would have."""
         name = self.key.rpartition(".")[2]
         return EFFECTS.get(name, EFFECTS.get(self.key.partition(".")[0], ""))
 
 
 def from_text(text: str) -> list[Value]:
-    """The values that `to_text` wrote."""
+    """Read the values that `to_text` wrote."""
     return [Value(*map(str, fields)) for fields in json.loads(text)]
 
 
 def to_text(values: list[Value]) -> str:
-    """Values as result files have them."""
+    """Write values as text, for result files."""
     return json.dumps(values, ensure_ascii=False)
 
 
 def value_table(values: list[Value]) -> Table:
-    """Values for readers, those that were assumed first."""
+    """Table of values for readers, those that were assumed first."""
     rows = [("value", "is", "by", "another would change")]
     for v in sorted(values, key=lambda v: not v.assumed):
         by = v.source if v.assumed else f"{v.origin}: {v.source}"

@@ -1,4 +1,4 @@
-"""Texts that read ``NAME=VALUE``, as options of commands do; a name may stand in double quotes."""
+"""Parsing of ``NAME=VALUE``, the form of many options; a name may be in double quotes."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from typing import Any
 from jointplay.base.errors import JointplayError
 
 ALL = "all"
-"""Stands for all joints in the place of a name."""
+"""Word in place of a name that stands for all joints."""
 _KEY = re.compile(r"""(?:"(?:[^"\\]|\\.)*"|'[^']*'|[^="'])*""")
 _QUOTED = re.compile(r'("(?:[^"\\]|\\.)*")(?:=(.*))?')
 
 
 def divided(text: str) -> tuple[str, str | None]:
-    """Key and value of ``KEY=VALUE``; what is quoted in the key may have such a sign.
+    """Split ``KEY=VALUE`` into key and value at the first ``=`` outside quotes.
 
-    The value is None if there is no sign.
+    The value is None if there is none.
     """
     opening = _KEY.match(text)
     end = 0 if opening is None else opening.end()
@@ -31,10 +31,15 @@ def divided(text: str) -> tuple[str, str | None]:
 def name_and_number(
     text: str, names: Collection[str] = (), is_number: Callable[[str], object] | None = None
 ) -> tuple[str, str | None]:
-    """Name and number of ``NAME=NUMBER``; None if there is no number.
+    """Split ``NAME=NUMBER`` into name and number; the number is None if there is none.
 
-    What `is_number` is true for counts as one, too. Names may have signs of equality of their own:
-    the number comes after the last one. One that would be mistaken needs quotes.
+    Names may contain ``=``: the number comes after the last one. A name that would be mistaken
+    needs quotes.
+
+    Args:
+        text: the text.
+        names: known names, which are recognised as such.
+        is_number: true for further texts that count as numbers.
     """
     if text in names:
         return text, None
@@ -47,7 +52,7 @@ def name_and_number(
 
 
 def number(text: str) -> Any:
-    """A number, or text with its unit, which the scenario reads or refuses."""
+    """Read a number; return other text, such as one with a unit, for the scenario to read."""
     from jointplay.base.units import plain_number
 
     with suppress(ValueError):
@@ -57,7 +62,7 @@ def number(text: str) -> Any:
 
 
 def quantity(text: str, unit: str, option: str = "") -> float:
-    """A number in SI units of text such as ``0.1 mm``; errors name the option."""
+    """Read text such as ``0.1 mm`` as a number in SI units; errors name the option."""
     from jointplay.base.units import ask_unit, convert, plain_number
 
     try:
@@ -73,7 +78,7 @@ def quantity(text: str, unit: str, option: str = "") -> float:
 
 
 def length_or_angle(text: str, option: str) -> tuple[float, bool]:
-    """A number in m, or in rad, of text with either unit, and whether it is an angle."""
+    """Read a length [m] or an angle [rad]; returns the number and whether it is an angle."""
     try:
         return quantity(text, "m", option), False
     except JointplayError as error:
@@ -85,11 +90,16 @@ def length_or_angle(text: str, option: str) -> tuple[float, bool]:
 def numbers_by_name(
     entries: Iterable[str], form: str, unit: str | Mapping[str, str] = ""
 ) -> dict[str, float]:
-    """Numbers of a repeatable option such as ``--weight JOINT=X`` by name, in SI units.
+    """Read a repeatable option such as ``--weight JOINT=X``: numbers by name, in SI units.
+
+    Args:
+        entries: the texts.
+        form: the option and its form, for errors.
+        unit: SI unit of the numbers, or the unit by name where only these names are allowed.
 
     Raises:
-        JointplayError: an entry without a number, or a number of another unit; or a name that is
-            none of those whose units are given.
+        JointplayError: an entry without a number, a number in another unit, or a name that is not
+            allowed.
     """
     choices = "" if isinstance(unit, str) else f" with one of {', '.join(unit)}"
     numbers = {}
@@ -103,7 +113,7 @@ def numbers_by_name(
 
 
 def vector(text: str, unit: str, option: str) -> tuple[float, float, float]:
-    """Three numbers in SI units of text such as ``0,0,0.24``; errors name the option."""
+    """Read text such as ``0,0,0.24`` as three numbers in SI units; errors name the option."""
     parts = text.split(",")
     if len(parts) != 3:
         raise JointplayError(f"{option} must be three numbers x,y,z [{unit}], got {text!r}")
@@ -112,9 +122,9 @@ def vector(text: str, unit: str, option: str) -> tuple[float, float, float]:
 
 
 def pair(text: str, usage: str) -> tuple[str, str]:
-    """Both sides of ``NAME=VALUE``, neither empty: of the first sign that is not in quotes.
+    """Split ``NAME=VALUE`` at the first ``=`` outside quotes; neither side may be empty.
 
-    `usage` are the option and how it must read, for the error.
+    `usage`: the option and its form, for the error.
     """
     name, value = divided(text)
     if not name.strip() or not (value or "").strip():
@@ -123,10 +133,10 @@ def pair(text: str, usage: str) -> tuple[str, str]:
 
 
 def pairs(texts: Iterable[str], usage: str) -> dict[str, str]:
-    """What stands on both sides of each `pair`.
+    """Split several texts as `pair` does; values by name.
 
     Raises:
-        JointplayError: a name that appears twice.
+        JointplayError: a name appears twice.
     """
     values: dict[str, str] = {}
     for text in texts:
@@ -138,6 +148,6 @@ def pairs(texts: Iterable[str], usage: str) -> dict[str, str]:
 
 
 def misread(text: str, usage: str) -> JointplayError:
-    """The error of an option's text that does not read as it must."""
+    """Error for an option's text that has not the form in `usage`."""
     option, _, form = usage.partition(" ")
     return JointplayError(f"{option} must read {form}, got {text!r}")

@@ -1,7 +1,7 @@
-"""Processes that work for this one, and end with it however it ends.
+"""Worker processes, which end with this one however it ends.
 
 If their parent is killed, processes that wait for work would wait for ever. So each watches its
-parent; on Linux the kernel tells it at once.
+parent; on Linux the kernel ends it at once.
 """
 
 import math
@@ -29,31 +29,33 @@ from jointplay.base.modules import import_module, imported_modules
 from jointplay.base.signals import SIGNALS
 
 _FORKS = sys.platform == "linux"
-"""Whether processes are copies of this one, which are there at once; elsewhere that is unsafe."""
+"""Whether workers are forked, which is fast; on other systems that is unsafe."""
 
 _ROOT = Path("/")
 
 _WATCH_S = 1.0
-"""Interval at which a process looks whether its parent is there [s] (judged: where the
-kernel does not tell it, an orphan lives so much longer)."""
+"""Interval at which a worker checks that its parent lives [s] (judged: elsewhere than on Linux an
+orphan lives so much longer)."""
 
 _PR_SET_PDEATHSIG = 1
+"""Option of Linux's `prctl` for a signal at the parent's death."""
 
 MOST_DEATHS = 3
-"""Processes that an item may take with it (judged: once may be by memory that others took)."""
+"""Workers that may die on one item before it is lost (judged: one death may be by memory that
+others took)."""
 
 Item = TypeVar("Item")
 Value = TypeVar("Value")
 
 
 def cores() -> int:
-    """Processors that this process may use, by its affinity and the limits of its container."""
+    """Number of processors this process may use, by its affinity and its container's limits."""
     available = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
     return max(math.ceil(min(available or 1, _quota())), 1)
 
 
 def _quota() -> float:
-    """Processors' worth of time that Linux's control groups (version 2) leave this process."""
+    """Processor time per time that Linux's control groups (version 2) allow this process."""
     least, root = math.inf, _ROOT / "sys/fs/cgroup"
     with suppress(OSError, IndexError):  # another system
         path = (_ROOT / "proc/self/cgroup").read_text().split("0::/")[1].splitlines()[0]
@@ -67,27 +69,27 @@ def _quota() -> float:
 
 
 def number_of(jobs: int | None, items: object = None) -> int:
-    """Processes for some items: as many as wanted, or one for each core; no more than items.
+    """Number of workers for some items: `jobs`, or one per core; no more than there are items.
 
     Raises:
         JointplayError: `jobs` is not a whole number above zero.
     """
     number = cores() if jobs is None else require_whole("jobs", jobs, 1)
-    if multiprocessing.current_process().daemon:  # works for another one, and has one core
+    if multiprocessing.current_process().daemon:  # a worker itself, which has one core
         return 1
     return max(min(number, len(items)), 1) if isinstance(items, Sized) else number
 
 
 def copies(jobs: int | None = None, items: object = None) -> int:
-    """The same for work that cannot be sent: 1 where processes are no copies of this one."""
+    """Number of workers for work that cannot be pickled: 1 where processes cannot be forked."""
     return number_of(jobs, items) if _FORKS else 1
 
 
 def begin(early: bool = False) -> None:
-    """Set up a process that works for another: Ctrl-C and a closed terminal are its parent's.
+    """Set up a worker process: Ctrl-C and a closed terminal are left to its parent.
 
-    With `early` SIGTERM, and the end of its parent, are to it what Ctrl-C is to its parent: what it
-    does ends early and is saved.
+    With `early`, SIGTERM and the end of its parent stop it as Ctrl-C stops its parent: its work
+    ends early and is saved.
     """
     signals.forget()
     for number in set(SIGNALS) - {signal.SIGTERM}:
@@ -111,7 +113,7 @@ def end_with_parent() -> None:
 
 
 def _watch(early: bool, parent: int) -> None:
-    """Wait for the parent to end, on any system; then end too."""
+    """Wait for the parent to end, on any system; then end this process, too."""
     known = multiprocessing.parent_process()
     assert known is not None
     while os.getppid() == parent and known.is_alive():
@@ -124,7 +126,7 @@ def _watch(early: bool, parent: int) -> None:
 
 @contextmanager
 def _signals_wait() -> Iterator[None]:
-    """Keep requests to stop until after the block, where the system can (Windows cannot)."""
+    """Defer requests to stop until after the block, where the system can (Windows cannot)."""
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
@@ -137,7 +139,7 @@ def _signals_wait() -> Iterator[None]:
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """Keep numerical libraries to one thread: the cores are taken by processes."""
+    """Limit numerical libraries to one thread: the cores are taken by workers."""
     from threadpoolctl import threadpool_limits
 
     with threadpool_limits(1):
@@ -145,28 +147,30 @@ def one_thread() -> Iterator[None]:
 
 
 def _begin(process: BaseProcess) -> None:
-    with warnings.catch_warnings():  # Python 3.12: libraries have threads, none at work here
+    """Start a process, with signals deferred until it is set up."""
+    with warnings.catch_warnings():  # Python 3.12 warns of threads of libraries, which idle here
         warnings.simplefilter("ignore", DeprecationWarning)
-        # Until it is set up the process has this one's handlers, which raise.
+        # Until it is set up the process has this one's signal handlers, which raise.
         with _signals_wait():
             process.start()
 
 
 class Pool(Generic[Item, Value]):
-    """Processes that do the same work for one item after the other.
+    """Worker processes that do the same work for one item after the other.
 
     Each has a connection of its own, so that when one dies the item that it had is known.
 
     Args:
-        work: done for each item. Items, and what it returns or raises, travel pickled; itself it
-            does so only where processes cannot be forked.
-        begin: sets each of them up.
-        lost: what came of an item that took `MOST_DEATHS` processes with it; None: the first one
-            is an error.
-        small: items are so small that one can wait with each process.
+        work: function called for each item. Items, results and errors are pickled; the function
+            itself is only where processes cannot be forked.
+        number: how many processes.
+        begin: function that sets each of them up.
+        lost: function that gives the result of an item on which `MOST_DEATHS` processes have died;
+            None: the first death raises.
+        small: whether items are so small that each process may have one waiting.
         early: whether a process that is told to stop ends its work early and saves it.
-        recovery: what is left of the work if a process is killed, in words.
-        name: of the items, with which errors say of which they are.
+        recovery: what is left of the work if a process is killed, for the message.
+        name: name of the items, by which errors say which one they are about.
     """
 
     def __init__(
@@ -186,7 +190,7 @@ class Pool(Generic[Item, Value]):
         reports = progress.current() is not None
         self._target = partial(_serve, work, setup, reports, () if _FORKS else imported_modules())
         self._number, self._lost, self._small = number, lost, small
-        self.processes: dict[Connection, BaseProcess] = {}  # by their connections
+        self.processes: dict[Connection, BaseProcess] = {}  # by connection
         self._queues: dict[Connection, deque[tuple[Any, Item]]] = {}
         self._items: Iterator[tuple[Any, Item]] = iter(())
         self._again: deque[tuple[Any, Item]] = deque()
@@ -203,11 +207,11 @@ class Pool(Generic[Item, Value]):
         _begin(process)
         theirs.close()
         self.processes[mine], self._queues[mine] = process, deque()
-        if self._closed:  # by another thread
+        if self._closed:  # meanwhile, by another thread
             process.kill()
 
     def start(self, items: Iterable[tuple[Any, Item]]) -> None:
-        """Have the work done for these items, by key, which are taken as they are needed."""
+        """Begin the work for items given by key; they are taken as they are needed."""
         self._items = iter(items)
         self._deaths.clear()
         for connection in self._queues:
@@ -215,21 +219,22 @@ class Pool(Generic[Item, Value]):
 
     @property
     def busy(self) -> bool:
+        """Whether any process has an item to work on."""
         return not self._closed and any(self._queues.values())
 
     def run(self, items: Iterable[tuple[Any, Item]]) -> Iterator[tuple[Any, Value]]:
-        """Do the work for these items; gives the key of each and what came of it, as they come.
+        """Do the work for items given by key; yields key and result of each as it completes.
 
         Raises:
-            JointplayError: a process was ended from outside; what cannot be sent.
-            BaseException: what the work raised.
+            JointplayError: a process was ended from outside, or an item cannot be pickled.
+            BaseException: an error of the work.
         """
         self.start(items)
         while self.busy:
             yield from self.outcomes()
 
     def outcomes(self, timeout: float | None = None) -> Iterator[tuple[Any, Value]]:
-        """What comes next, as in `run`; nothing if nothing does within the time [s]."""
+        """Yield the results that come next, as in `run`; none if none comes within the time [s]."""
         for ready in wait([c for c, queue in self._queues.items() if queue], timeout):
             connection = cast(Connection, ready)
             try:
@@ -247,11 +252,11 @@ class Pool(Generic[Item, Value]):
             self._finished += 1
             if error is not None:
                 raise with_item(error, self._name, key)
-            yield key, value  # before anything else can fail
+            yield key, value  # first, lest the result be lost with an error of the next item
             self._feed(connection)
 
     def _feed(self, connection: Connection) -> None:
-        """Send a process its next item; of small ones, one more than it works on."""
+        """Send a process its next item; if items are small, one besides that it works on."""
         queue = self._queues[connection]
         while len(queue) < 1 + self._small:
             next_one = self._again.popleft() if self._again else next(self._items, None)
@@ -260,14 +265,14 @@ class Pool(Generic[Item, Value]):
             queue.append(next_one)
             try:
                 connection.send(next_one[1])
-            except OSError:  # it is dead, which `outcomes` finds
+            except OSError:  # the process is dead, which `outcomes` finds
                 return
             except (pickle.PicklingError, TypeError, AttributeError) as error:
                 text = f"it cannot be sent to another process ({error}); jobs=1 needs none"
                 raise with_item(JointplayError(text), self._name, next_one[0]) from error
 
     def _died(self, connection: Connection) -> Iterator[tuple[Any, Value]]:
-        """Replace a dead process; the item that it died of is tried again, or lost."""
+        """Replace a dead process; the item on which it died is tried again, or lost."""
         queue = self._queues.pop(connection)
         self.processes.pop(connection).join()
         connection.close()
@@ -289,10 +294,10 @@ class Pool(Generic[Item, Value]):
                 self._feed(idle)
 
     def close(self) -> None:
-        """End all processes. What they were doing is given up, or with `early` ended and saved.
+        """End all processes; their work is discarded, or with `early` ended and saved.
 
         Raises:
-            GivenUp: told to stop once more.
+            GivenUp: another request to stop came meanwhile.
         """
         left = [str(queue[0][0]) for queue in self._queues.values() if queue and self._early]
         self._closed = True
@@ -317,7 +322,7 @@ class Pool(Generic[Item, Value]):
 
 
 class Serial(Generic[Item, Value]):
-    """This process, where one is enough: does what a `Pool` does."""
+    """Stand-in for a `Pool` that does the work in this process."""
 
     def __init__(self, work: Callable[[Item], Value], *, name: str = "") -> None:
         self._work, self._name = work, name
@@ -337,7 +342,7 @@ class Serial(Generic[Item, Value]):
 
 
 def with_item(error: BaseException, name: str, key: Any) -> BaseException:
-    """The error, which says of which item it is if items have a name."""
+    """Have an error say which item it is about, if items have a name; returns it."""
     if name and isinstance(error, JointplayError):
         error.args = (f"{name}[{key}]: {error}",)
         error.where = (name, key, *error.where)
@@ -353,9 +358,9 @@ def _serve(
     modules: Sequence[str],
     connection: Any,
 ) -> None:
-    """What a process does: the work for each item that comes; its progress if it `reports`."""
+    """Main function of a worker: do the work for each item that comes; send progress if asked."""
     ends = (EOFError, BrokenPipeError, ConnectionResetError, KeyboardInterrupt)
-    with suppress(*ends):  # a request to stop may come anywhere, as soon as signals may
+    with suppress(*ends):  # a request to stop may come at any time from here on
         begin()
         for module in modules:
             import_module(module)
@@ -376,7 +381,7 @@ def _serve(
 
 
 def _portable(error: BaseException) -> BaseException:
-    """An error as it can be sent, with the lines that raised it."""
+    """Make an error that can be pickled, with its traceback as a note."""
     if isinstance(error, JointplayError | KeyboardInterrupt):
         return error
     error.add_note("".join(traceback.format_exception(error)))
@@ -388,9 +393,9 @@ def _portable(error: BaseException) -> BaseException:
 
 
 def beside(work: Callable[[], object]) -> BaseProcess | None:
-    """Have work done in a copy of this process, if there is a core for it; it ends with this one.
+    """Do work in a fork of this process, if there is a core for it; returns the process, else None.
 
-    It tells nobody what comes of it, also not if it fails.
+    It ends with this one. Result and errors are dropped.
     """
     if copies() == 1:
         return None
@@ -408,13 +413,13 @@ def beside(work: Callable[[], object]) -> BaseProcess | None:
 
 @contextmanager
 def in_parallel(work: Callable[[], Value]) -> Iterator[Callable[[], Value]]:
-    """Have `work` done while the block runs; gives a function that waits for what it returns.
+    """Do `work` in a fork while the block runs; yields a function that waits for its result.
 
-    Where processes cannot be forked, or there is one core, the work is done here, when the
-    function is called.
+    Where processes cannot be forked, or there is one core, the work is done here when the function
+    is called.
 
     Raises:
-        JointplayError: by the function: the process was ended from outside.
+        JointplayError: from the function, if the process was ended from outside.
     """
     if copies() == 1:
         yield work

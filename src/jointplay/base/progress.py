@@ -1,7 +1,8 @@
-"""Progress of what takes longer than a moment, drawn by tqdm: what simulations tell a bar.
+"""Progress bars, drawn by tqdm.
 
-In a terminal it is a bar, in a file at times a line. Several runs, those of other processes too,
-move one bar, and neither speed nor time left counts what comes once, as to compile.
+In a terminal there is a bar, elsewhere now and then a line. Several runs, those of other processes
+included, can move one bar. One-time work such as compiling counts neither in the speed nor in the
+time left.
 """
 
 import os
@@ -16,11 +17,11 @@ from typing import Any, NamedTuple, Self, TypeVar
 Item = TypeVar("Item")
 
 LINE_EVERY_S = 10.0
-"""Interval at which progress is said where there is no terminal [s]; `JOINTPLAY_PROGRESS_S` of the
-environment replaces it."""
+"""Interval between lines where there is no terminal [s]; the environment's `JOINTPLAY_PROGRESS_S`
+replaces it."""
 
 _DRAWN_EVERY_S = 0.2
-"""Interval at which a bar is drawn at most [s] (judged: faster cannot be read)."""
+"""Least interval between drawings of a bar [s] (judged: faster cannot be read)."""
 
 _OF_TOTAL = (
     "{desc}{percentage:3.0f}%|{bar}| {n:.10g}/{total:.10g} {unit}{postfix}, {remaining} left"
@@ -30,12 +31,12 @@ _SIMULATED = _OF_TOTAL.replace(":.10g", ":.3f").replace("{unit}", "s simulated")
 _IN_ALL = _SIMULATED.replace("s simulated", "s simulated in all runs")
 
 _aside_s = 0.0
-"""What `aside` took so far [s]."""
+"""Time spent within `aside` so far [s]."""
 
 
 @contextmanager
 def aside() -> Iterator[None]:
-    """Within the block time stands still for bars: it comes once, as to compile."""
+    """Within the block time stands still for bars: for one-time work such as compiling."""
     global _aside_s
     began, before = time.time(), _aside_s
     try:
@@ -45,11 +46,11 @@ def aside() -> Iterator[None]:
 
 
 class _Output:
-    """Standard error as bars need it: whole lines for a file, and nothing said if it fails."""
+    """Standard error for bars: whole lines if it is no terminal, and failures are ignored."""
 
     def __init__(self, file: Any) -> None:
         self._file, self._last, self.terminal = file, "", False
-        with suppress(AttributeError, ValueError):  # none at all, or closed
+        with suppress(AttributeError, ValueError):  # there is none, or it is closed
             self.terminal = bool(file.isatty())
 
     def write(self, text: str) -> None:
@@ -63,7 +64,7 @@ class _Output:
             self._file.flush()
 
     def flush(self) -> None:
-        """It is, at each writing."""
+        """Do nothing: `write` flushes."""
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._file, name)
@@ -71,10 +72,10 @@ class _Output:
 
 @cache
 def _tqdm() -> Any:
-    from tqdm import tqdm  # refusals need none
+    from tqdm import tqdm  # not needed by commands that are refused
 
     class Bar(tqdm):
-        """Without a thread that watches it, and a lock between processes, which only we draw."""
+        """A bar without tqdm's monitoring thread and process lock: only this process draws."""
 
         monitor_interval = 0
 
@@ -86,13 +87,16 @@ def _tqdm() -> Any:
 
 
 class ProgressBar:
-    """A bar on standard error if that is a terminal; else a line each `LINE_EVERY_S`.
+    """A bar on standard error if that is a terminal; else a line every `LINE_EVERY_S`.
 
     Args:
-        items: that are gone through, each of which moves the bar by one; `update` moves it, too.
-        total: how much there is to do, if it is known; by default the number of items.
-        delay: time for which nothing is shown [s].
-        shown: as tqdm takes it: `unit`, `initial`, `leave`.
+        items: items to iterate over, each of which moves the bar by one; `update` moves it, too.
+        desc: text before the bar.
+        total: amount of work, if it is known; by default the number of items.
+        disable: whether nothing is shown.
+        delay: time for which nothing is shown at first [s].
+        layout: tqdm's format of the bar, for a known total.
+        shown: further arguments of tqdm: `unit`, `initial`, `leave`.
     """
 
     postfix = ""
@@ -130,21 +134,22 @@ class ProgressBar:
             yield from self.passed(self.items)
 
     def passed(self, items: Iterable[Item], weight: float = 1) -> Iterator[Item]:
-        """Each of further items; the bar moves by `weight` when it is done."""
+        """Yield further items; the bar moves by `weight` after each."""
         for item in items:
             yield item
             self.update(weight)
 
     def update(self, more: float = 1) -> None:
+        """Move the bar."""
         self.n += more
         if (bar := self._bar) is None:
             return
         gone, self._aside = _aside_s - self._aside, _aside_s
         bar.start_t, bar.last_print_t = bar.start_t + gone, bar.last_print_t + gone
-        # Of more than there was to do tqdm forgets the total, which the layout has.
+        # Beyond its total tqdm would drop it, which the layout needs.
         bar.total = max(self.total, self.n) if self.total else None
         bar.postfix = self.postfix
-        if more and not self._moved:  # before, kernels are loaded
+        if more and not self._moved:  # the clock starts here: before, kernels were loaded
             self._moved, bar.initial = True, self.n
             bar.unpause()
         bar.update(more)
@@ -163,9 +168,9 @@ class ProgressBar:
 
 
 class Simulated(ProgressBar):
-    """Progress by simulated time [s]: its speed relative to real time, and the time left.
+    """Progress bar of a run by simulated time [s], with its speed relative to real time.
 
-    Within `overall`, one bar is for all runs, and those that begin there add to it.
+    Within `overall` it adds to the one bar of all runs instead.
     """
 
     def __init__(
@@ -180,13 +185,13 @@ class Simulated(ProgressBar):
             self._overall.say(desc.strip())
 
     def reach(self, now: float) -> None:
-        """The run has got to the time `now` [s]."""
-        if now - now == 0.0:  # it is finite
+        """Move the bar to the simulated time `now` [s]."""
+        if now - now == 0.0:  # finite
             self.update(now - self._reached)
             self._reached = now
 
     def update(self, more: float = 0.0) -> None:
-        """So much more has been simulated [s]."""
+        """Move the bar by simulated time [s]."""
         if self._overall is not None:
             self._overall.update(more)
             return
@@ -204,7 +209,7 @@ class Simulated(ProgressBar):
 
 
 class Moved(NamedTuple):
-    """What moves the bar of the whole in another process."""
+    """Message from a worker that moves the overall bar of its parent."""
 
     more: float
     text: str
@@ -216,7 +221,7 @@ class Moved(NamedTuple):
 
 
 class Elsewhere:
-    """The bar of the whole, which another process has: it is told at times how far runs are."""
+    """Stand-in for the overall bar in a worker: sends the progress of its runs to the parent."""
 
     def __init__(self, tell: Callable[[Moved], None] | None) -> None:
         self._tell, self._more, self._text, self._sent_at = tell, 0.0, "", 0.0
@@ -243,12 +248,12 @@ _overall: Simulated | Elsewhere | None = None
 
 
 def current() -> Simulated | Elsewhere | None:
-    """The bar of the whole, within `overall`."""
+    """Overall bar, within `overall`."""
     return _overall
 
 
 def tell_elsewhere(tell: Callable[[Moved], None] | None) -> Elsewhere:
-    """From now on the bar of the whole is that of another process, which is told of it."""
+    """Make this process send its progress by `tell` to the one that has the overall bar."""
     global _overall
     _overall = Elsewhere(tell)
     return _overall
@@ -256,7 +261,7 @@ def tell_elsewhere(tell: Callable[[Moved], None] | None) -> Elsewhere:
 
 @contextmanager
 def overall(total: float, show: bool) -> Iterator[None]:
-    """Within the block one bar is for all runs; `total` is what they simulate together [s]."""
+    """Within the block one bar stands for all runs, whose simulated times add up to `total` [s]."""
     global _overall
     if not show or _overall is not None:
         yield
@@ -271,7 +276,7 @@ def overall(total: float, show: bool) -> Iterator[None]:
 
 @contextmanager
 def printing() -> Iterator[None]:
-    """Within the block text can be printed while bars are shown."""
+    """Clear the bar for text that is printed in the block."""
     if _overall is not None:
         _overall.clear()
     yield

@@ -1,11 +1,15 @@
-"""What inputs are made of: fields with units and ranges, families of classes, plain data and back.
+"""Declaration of inputs: dataclass fields with units and ranges, and their reading from plain data.
 
-@dataclass(frozen=True)
-class LinearSpring:
-    stiffness: OptionalQuantity = quantity("N/m", default=None, above=0.0)
+    @dataclass(frozen=True)
+    class LinearSpring:
+        stiffness: OptionalQuantity = quantity("N/m", default=None, above=0.0)
 
-    def __post_init__(self):
-        check_fields(self)
+        def __post_init__(self):
+            check_fields(self)
+
+1. Fields (`quantity`, `choice`) declare unit, range and choices; `check_fields` enforces them.
+2. Families (`Family`, `register`): a word in a file, such as ``law = "hertz"``, selects a class.
+3. `read` makes objects from plain data, guided by type hints; `plain` is the reverse.
 """
 
 from __future__ import annotations
@@ -58,7 +62,7 @@ from jointplay.base.errors import (
 )
 from jointplay.base.units import ask_scale, convert, expected, toml_text
 
-# Fields of values: each number has its unit, and the range that it must lie in, beside it.
+# Fields: each number is declared with its unit and range.
 
 _VECTOR = tuple[float, float, float]
 
@@ -66,16 +70,16 @@ _VECTOR = tuple[float, float, float]
 if TYPE_CHECKING:
 
     class Quantity:
-        """A field that takes a number in SI or text such as ``"0.2 mm"``, and holds the number.
+        """A field that is set to a number in SI or text such as ``"0.2 mm"``, and holds the number.
 
-        What is set is Any, for str: mypy takes what is set for what a subclass's field holds.
+        `__set__` takes Any, not str: mypy infers from it what a subclass's field holds.
         """
 
         def __get__(self, instance: object, owner: type | None = None) -> float: ...
         def __set__(self, instance: object, value: float | Any) -> None: ...
 
     class OptionalQuantity:
-        """The same where None can be given."""
+        """A `Quantity` that may be None."""
 
         def __get__(self, instance: object, owner: type | None = None) -> float | None: ...
         def __set__(self, instance: object, value: float | Any | None) -> None: ...
@@ -94,16 +98,17 @@ def quantity(
     label: str = "",
     finite: bool = True,
 ) -> Any:
-    """Field of a dataclass that holds a number, or several, in an SI unit.
+    """Declare a dataclass field that holds a number, or several, in an SI unit.
 
     Args:
-        units: of which one it has; ``""`` for pure numbers. Two where it depends on the joint:
-            that of revolute and that of prismatic joints.
-        choices: what words are called that stand for a value, and these.
-        above: 0.0 if the number must be positive, as `check_fields` demands.
+        units: its SI unit; ``""`` for pure numbers. Two where it depends on the joint: for revolute
+            and for prismatic joints.
+        default, default_factory: as in `dataclasses.field`.
+        choices: words that stand for a value: the noun for such a word, and the values by word.
+        above: 0.0 if the number must be positive; `check_fields` enforces it.
         least: 0.0 if it must not be negative.
-        label: what errors call it; the field's name, if not given.
-        finite: without, files may have infinity or no number (NaN) here.
+        label: name in errors; the field's own by default.
+        finite: False lets files give infinity or NaN.
     """
     if not units or not all(isinstance(unit, str) for unit in units):
         raise TypeError(f'units are text, "" for pure numbers, got {units!r}; see default=')
@@ -120,19 +125,20 @@ def quantity(
 def choice(
     noun: str, choices: Collection[str] | Mapping[str, Any], *, default: Any = dataclasses.MISSING
 ) -> Any:
-    """Field that holds one of several words; a mapping has the values for which they stand."""
+    """Declare a field that holds one of several words, or the value that a mapping gives for it."""
     return dataclasses.field(default=default, metadata={"choices": (noun, choices)})
 
 
 def check_fields(value: Any) -> None:
-    """Read what fields of a dataclass were given as files have it; values must be possible.
+    """Convert and check all fields of a dataclass instance in place, for ``__post_init__``.
 
-    Text with a unit becomes a number, a word or a table what it stands for: ``"0.2 mm"``,
-    ``"flores"``. Numbers that have a unit become floats, in lists and vectors too.
+    Values may be given as in files: text with a unit, ``"0.2 mm"``, becomes a number, a word or a
+    table the object that it stands for, ``"flores"``. Quantities become floats, in lists and
+    vectors, too.
 
     Raises:
-        JointplayError: a value that cannot be, a word that is none of the field's choices, or a
-            number that is not finite or out of its range, with the field's name as its place.
+        JointplayError: an impossible value, a word that is not among the field's choices, or a
+            number that is not finite or out of range; `where` has the field's name.
     """
     kind: type = type(value)
     fields = fields_of(kind)
@@ -141,7 +147,7 @@ def check_fields(value: Any) -> None:
         if _as_in_files(field.hint, stated):
             try:
                 with within(name):
-                    stated = make(_field(field, stated))
+                    stated = make(_check_field(field, stated))
             except JointplayError as error:
                 place = ".".join(map(str, error.where))
                 raise JointplayError(f"{place}: {error}", error.where) from None
@@ -155,7 +161,7 @@ def check_fields(value: Any) -> None:
 
 
 def _checked_numbers(field: Field, value: Any) -> Any:
-    """A number in its range, or several in a tuple or vectors; anything else as it is."""
+    """Check the range of a field's number, tuple or vectors; return other values unchanged."""
     hint, label, where = field.hint, field.label, (field.name,)
     unit = field.units[0].replace("*", " ")
     if hint in (float, float | None) and field.check is not None:
@@ -170,7 +176,7 @@ def _checked_numbers(field: Field, value: Any) -> Any:
 
 
 def _as_in_files(hint: Any, value: Any) -> bool:
-    """Whether a value is written as in a file, and is not yet what the field's type says."""
+    """Whether a value is given as in a file, and has yet to be converted to the field's type."""
     kinds = get_args(hint) or (hint,)
     of_family = any(map(family_of, kinds))
     if isinstance(value, str):
@@ -186,34 +192,35 @@ def _as_in_files(hint: Any, value: Any) -> bool:
 
 @dataclass(frozen=True)
 class Field:
-    """What a class says of one of its fields."""
+    """Declaration of one field of a class."""
 
     name: str
     hint: Any
+    """Type hint."""
     units: tuple[str, ...]
     """SI units that its numbers can have; ``("",)`` for pure numbers."""
     required: bool
     choices: tuple[str, Collection[str] | Mapping[str, Any]] | None = None
-    """What its words are called, and these; a mapping has the values they stand for."""
+    """Noun for its words, and the words; a mapping has the values they stand for."""
     finite: bool = True
     default: Any = None
     check: Callable[[str, float, str, Where], float] | None = None
-    """Raises if its number is out of range; None: of no quantity."""
+    """Function that raises if its number is out of range; None for fields without numbers."""
     label: str = ""
-    """What errors call it."""
+    """Name in errors."""
 
 
 @cache
 def fields_of(kind: type) -> dict[str, Field]:
-    """The fields of a class as they are written, by name.
+    """Fields of a class as files have them, by name.
 
     Raises:
-        TypeError: one that holds a number has no unit.
+        TypeError: a field that holds a number has no unit.
     """
     written = getattr(kind, "written", None) or kind
     hints = get_type_hints(written)
     fields, checked = {}, {}
-    if dataclasses.is_dataclass(kind):  # it may check more closely than what files say of it
+    if dataclasses.is_dataclass(kind):  # its own metadata prevail over those of `written`
         checked = {f.name: f.metadata for f in dataclasses.fields(kind)}
     missing = dataclasses.MISSING
     for entry in dataclasses.fields(written):
@@ -237,10 +244,10 @@ def fields_of(kind: type) -> dict[str, Field]:
 
 
 def fields_at(kind: Any, path: Sequence[str], deep: bool = True) -> Iterator[tuple[Field, str]]:
-    """Fields at `path` within a class, with what is said of them; there may be none.
+    """Yield the fields at a `path` of keys within a class, each with its explanation.
 
-    Names of entries of a table by name may be any. Of a family all members count, the default one
-    first; without `deep` only that.
+    There may be none. Any key matches the name of an entry in a table by name. In a family all
+    members are searched, the default one first; without `deep` only that.
     """
     origin, family = get_origin(kind), family_of(kind)
     if origin in (Union, types.UnionType):
@@ -265,12 +272,12 @@ def fields_at(kind: Any, path: Sequence[str], deep: bool = True) -> Iterator[tup
 
 
 def ask_scales(kind: type, data: Mapping[str, Any]) -> None:
-    """Ask about numbers of a checked file that have no unit and an odd size; see `ask_scale`.
+    """Raise for numbers of a checked file that have no unit and an implausible size (`ask_scale`).
 
     Raises:
-        JointplayError: it asks; `where` has the place.
+        JointplayError: a question which unit is meant; `where` has the place.
     """
-    for path, value in _bare(data):
+    for path, value in _bare_numbers(data):
         names = [part for part in path if isinstance(part, str)]
         units = {field.units for field, _ in fields_at(kind, names)} or {("",)}
         if len(units) == 1 and len(unit := units.pop()) == 1:
@@ -280,18 +287,18 @@ def ask_scales(kind: type, data: Mapping[str, Any]) -> None:
                 raise JointplayError(str(error), path) from None
 
 
-def _bare(value: Any, path: Where = ()) -> Iterator[tuple[Where, float]]:
-    """Numbers in tables and lists that have no unit, with their places."""
+def _bare_numbers(value: Any, path: Where = ()) -> Iterator[tuple[Where, float]]:
+    """Yield the numbers without a unit in tables and lists, with their paths."""
     if isinstance(value, Mapping | list):
         inside = value.items() if isinstance(value, Mapping) else enumerate(value)
         for key, item in inside:
-            yield from _bare(item, (*path, key))
+            yield from _bare_numbers(item, (*path, key))
     elif isinstance(value, int | float) and not isinstance(value, bool):
         yield path, value
 
 
 def _measures(hint: Any) -> bool:
-    """Whether a type holds numbers that can have a unit."""
+    """Whether a type holds floats, which need a unit."""
     if isinstance(hint, type) and dataclasses.is_dataclass(hint):
         return False
     return hint is float or any(_measures(part) for part in get_args(hint))
@@ -299,7 +306,7 @@ def _measures(hint: Any) -> bool:
 
 @cache
 def explanations(kind: type) -> dict[str, str]:
-    """What a class says below its fields as they are written, and its bases below theirs."""
+    """Docstrings below the fields of a class and its bases, by field, read from the source."""
     texts: dict[str, str] = {}
     owner = getattr(kind, "written", None) or kind
     for base in reversed(owner.__mro__):
@@ -307,7 +314,7 @@ def explanations(kind: type) -> dict[str, str]:
             continue
         try:
             (body,) = ast.parse(textwrap.dedent(inspect.getsource(base))).body
-        except (OSError, SyntaxError, TypeError):  # made where no file is
+        except (OSError, SyntaxError, TypeError):  # its source is not in a file
             continue
         assert isinstance(body, ast.ClassDef)
         for field, text in pairwise(body.body):
@@ -317,12 +324,12 @@ def explanations(kind: type) -> dict[str, str]:
     return {name: " ".join(text.split()) for name, text in texts.items()}
 
 
-# Families of classes of which a word in a file chooses one: laws, joints, drives, loads.
+# Families of classes, of which a word in a file selects one: laws, joints, drives, loads.
 
 
 @dataclass(frozen=True)
 class Preset:
-    """A kind with some of its fields set."""
+    """A class with some of its fields set."""
 
     kind: type
     title: str = ""
@@ -331,21 +338,23 @@ class Preset:
 
 @dataclass(frozen=True)
 class Family:
-    """Classes of which a word chooses one."""
+    """Classes of which a word selects one."""
 
     key: str
-    """Key that has the word: ``law``, ``kind``."""
+    """Key whose value is the word: ``law``, ``kind``."""
     noun: str
+    """Name of a member in messages."""
     members: MutableMapping[str, Any]
     """Classes and presets by word; `add` writes into it."""
     default: str | None = None
+    """Word that is assumed where the key is missing."""
     bare: bool = True
-    """Whether the bare word stands for a table with nothing else in it."""
+    """Whether the word alone may stand for a table with only this key."""
     number: tuple[str, str] | None = None
-    """Word and key of the member that a bare number stands for, if it may stand for one."""
+    """Word of a member, and its key that a bare number in place of the table gives, if allowed."""
 
     def member(self, word: str) -> Preset:
-        """The kind that a word chooses, and those of its fields that are set."""
+        """Class that a word selects, and those of its fields that are set."""
         member = self.members[word]
         return member if isinstance(member, Preset) else Preset(member)
 
@@ -355,17 +364,17 @@ _names: dict[type, tuple[Callable[[str], Any], Callable[[], Sequence[str]]]] = {
 
 
 def register(base: type, family: Family) -> None:
-    """Let `base` be read as one of a family."""
+    """Have `base` read from data as a member of a family."""
     _families[base] = family
 
 
 def add(base: type, kind: type) -> None:
-    """Let files name a class of one's own, by the word that it has: one of a family's, from now on.
+    """Add a class to a family, so that files can select it by its word.
 
     `base` is `Load`, `Drive`, `Gearing`, `Clearance`, `NormalForceLaw`, `FrictionLaw` or `FilmLaw`.
 
     Raises:
-        JointplayError: no such family, or the word is taken.
+        JointplayError: there is no such family, or the word is taken.
     """
     family = _families.get(base)
     if family is None or not issubclass(kind, base) or base.selector is None:  # type: ignore[attr-defined]
@@ -379,24 +388,24 @@ def add(base: type, kind: type) -> None:
 def register_names(
     kind: type, find: Callable[[str], Any], names: Callable[[], Sequence[str]]
 ) -> None:
-    """Let a `kind` be given by name; `find` gives that of one of the `names`."""
+    """Have instances of `kind` given by name, one of `names()`; `find` looks one up."""
     _names[kind] = find, names
 
 
 def family_of(kind: Any) -> Family | None:
-    """The family whose base `kind` is, if it is one."""
+    """Family with the base `kind`, if there is one."""
     return _families.get(kind)
 
 
 def names_of(kind: Any) -> Sequence[str]:
-    """Names by which a `kind` can be given."""
+    """Names by which instances of `kind` can be given."""
     return _names[kind][1]() if kind in _names else ()
 
 
-# Objects to plain data and back, from the type hints of their fields.
+# Objects to plain data and back, guided by the type hints of their fields.
 #
 #     plain(joint)                      # {"kind": "revolute", "bearing_radius": 0.01, ...}
-#     read(Clearance, data)             # the joint, or a JointplayError that knows its place
+#     read(Clearance, data)             # the joint, or a JointplayError with its place
 #     check(Clearance, data).make()     # the same in two steps: all checks first
 
 
@@ -405,12 +414,12 @@ Target = TypeVar("Target", bound=Callable[..., Any])
 
 
 class Described:
-    """A value that knows itself as plain data."""
+    """Base of classes whose instances can be written as plain data and read back."""
 
     selector: ClassVar[tuple[str, str] | None] = None
-    """Key of the word that selects the class, and attribute that has it."""
+    """Key of the word that selects the class, and attribute that holds the word."""
     written: ClassVar[type | None] = None
-    """Dataclass of the fields as they are written; None: those of the class."""
+    """Dataclass of the fields as files have them; None if they are those of the class."""
 
     def __init_subclass__(cls, **keywords: Any) -> None:
         super().__init_subclass__(**keywords)
@@ -427,10 +436,10 @@ class Described:
 
     @classmethod
     def from_description(cls, description: Any) -> Self:
-        """Build the value that `describe` described; the word that selects it may be left out.
+        """Build the value from what `describe` returned; its selecting word may be left out.
 
         Raises:
-            JointplayError: an unknown or missing key, or a value that cannot be; `where` has its
+            JointplayError: an unknown or missing key, or an impossible value; `where` has its
                 place.
         """
         described: Self = read(cls, description)
@@ -438,12 +447,12 @@ class Described:
 
     @classmethod
     def from_fields(cls, fields: dict[str, Any]) -> Self:
-        """Build the value from its fields as they are written, already read."""
+        """Build the value from its fields as files have them, already checked."""
         return cls(**fields)
 
 
 def plain(value: Any) -> Any:
-    """A value as plain data: numbers, text, lists and dictionaries."""
+    """Convert a value to plain data: numbers, text, lists and dictionaries."""
     if isinstance(value, Described):
         return value.describe()
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
@@ -462,11 +471,13 @@ def _fields(value: Any) -> dict[str, Any]:
 
 
 def shortest(kind: type[Any], value: Any) -> dict[str, Any]:
-    """The fewest keys that `read` makes an equal value of; derived ones, which come last, go first.
+    """Describe a value by the fewest keys from which `read` makes an equal one.
+
+    Keys are dropped from the last on, where derived ones are.
 
     Args:
         kind: as for `read`.
-        value: to describe, a `Described`.
+        value: a `Described`.
     """
     table = {key: item for key, item in plain(value).items() if item is not None}
     for key in reversed(list(table)):
@@ -481,18 +492,18 @@ def shortest(kind: type[Any], value: Any) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class Draft:
-    """A value that has been checked, and not yet been made."""
+    """Checked data of an object that has yet to be made."""
 
     kind: type
     word: str | None
-    """The word that chose the kind, where one did."""
+    """Word that selected the class, if one did."""
     fields: Mapping[str, Any]
 
     def make(self, objects: bool = True) -> Any:
-        """The value itself; `objects` as in the function `make`.
+        """Make the object; `objects` as in the function `make`.
 
         Raises:
-            JointplayError: fields that do not go together; `where` has the place.
+            JointplayError: fields that contradict each other; `where` has the place.
         """
         parts = make(dict(self.fields), objects)
         if issubclass(self.kind, Described):
@@ -501,7 +512,10 @@ class Draft:
 
 
 def make(checked: Any, objects: bool = True) -> Any:
-    """The value of what `check` gave, drafts within it made."""
+    """Make the value of checked data (`check`), and of all drafts within them.
+
+    Without `objects` drafts of `Described` classes are left as they are.
+    """
     if isinstance(checked, Draft):
         left = not objects and issubclass(checked.kind, Described)
         return checked if left else checked.make(objects)
@@ -515,21 +529,21 @@ def make(checked: Any, objects: bool = True) -> Any:
 
 
 def read(kind: type[T] | Any, data: Any) -> Any:
-    """The value that plain data describe.
+    """Read a value of a type from plain data.
 
     Raises:
-        JointplayError: what cannot be; `where` has its place in the data.
+        JointplayError: the data do not fit; `where` has the place in them.
     """
     return make(check(kind, data))
 
 
 def check(kind: Any, data: Any, units: tuple[str, ...] = ("",)) -> Any:
-    """What `data` say, checked against a type but not yet made: `Draft` for objects.
+    """Check data against a type and convert them; objects are not yet made, but become a `Draft`.
 
-    Numbers can have these `units`; one of several possible ones remembers its own (`Measured`).
+    Numbers can have these `units`; if there are several, a number remembers its own (`Measured`).
 
     Raises:
-        JointplayError: what cannot be; `where` has its place in the data.
+        JointplayError: the data do not fit; `where` has the place in them.
     """
     if isinstance(data, Described) and isinstance(kind, type) and isinstance(data, kind):
         return data
@@ -540,19 +554,20 @@ def check(kind: Any, data: Any, units: tuple[str, ...] = ("",)) -> Any:
             raise JointplayError(one_of(kind.__name__.lower(), data, names)) from None
     family = family_of(kind)
     if family is not None:
-        return _chosen(family, data)
+        return _check_member(family, data)
     origin, parts = get_origin(kind), get_args(kind)
     if origin in (Union, types.UnionType):
-        return _one_of_several(data, parts, units)
+        return _check_union(data, parts, units)
     table = dataclasses.is_dataclass(kind) or getattr(kind, "written", None)
     if isinstance(kind, type) and table:
-        return _table(kind, data, None, {})
+        return _check_table(kind, data, None, {})
     if origin is not None and origin is not Literal:
-        return _collection(origin, parts, data, units)
-    return _simple(kind, data, units)
+        return _check_collection(origin, parts, data, units)
+    return _check_simple(kind, data, units)
 
 
-def _chosen(family: Family, data: Any) -> Draft:
+def _check_member(family: Family, data: Any) -> Draft:
+    """Check data of a family's member: a table with the selecting word, the word, or a number."""
     key, noun, members = family.key, family.noun, family.members
     place = (key,) if isinstance(data, Mapping) else ()
     if family.bare and isinstance(data, str):
@@ -569,10 +584,13 @@ def _chosen(family: Family, data: Any) -> Draft:
     if not isinstance(word, str) or word not in members:
         raise JointplayError(one_of(noun, word, members), where=place)
     member = family.member(word)
-    return _table(member.kind, data, (key, word), member.given)
+    return _check_table(member.kind, data, (key, word), member.given)
 
 
-def _table(kind: type, data: Any, word: tuple[str, str] | None, preset: Mapping[str, Any]) -> Draft:
+def _check_table(
+    kind: type, data: Any, word: tuple[str, str] | None, preset: Mapping[str, Any]
+) -> Draft:
+    """Check a table of the fields of a class; `word` is the selecting key and word, if any."""
     fields = {name: field for name, field in fields_of(kind).items() if name not in preset}
     selector = getattr(kind, "selector", None)
     if word is None and selector is not None and isinstance(data, Mapping) and selector[0] in data:
@@ -589,10 +607,10 @@ def _table(kind: type, data: Any, word: tuple[str, str] | None, preset: Mapping[
             whose = f" of the {word[0]} {word[1]}" if word else ""
             raise JointplayError(unknown_key(key, keys, whose), where=(key,))
     values = dict(preset)
-    for name in data:  # in its order, so that the first error is the first in a file
+    for name in data:  # in the order of the file, so that its first error is reported
         if name in fields:
             with within(name):
-                values[name] = _field(fields[name], data[name])
+                values[name] = _check_field(fields[name], data[name])
     missing = [name for name, field in fields.items() if field.required and name not in data]
     if missing:
         several = len(missing) > 1
@@ -603,8 +621,8 @@ def _table(kind: type, data: Any, word: tuple[str, str] | None, preset: Mapping[
     return Draft(kind, word[1] if word else None, values)
 
 
-def _field(field: Field, data: Any) -> Any:
-    """Value of a field: one of its words, or what its type takes."""
+def _check_field(field: Field, data: Any) -> Any:
+    """Check the value of a field: one of its words, or data of its type."""
     if not field.finite and isinstance(data, float) and not math.isfinite(data):
         return data
     if field.choices is None or data is None:
@@ -619,12 +637,12 @@ def _field(field: Field, data: Any) -> Any:
 
 
 def is_word(hint: Any) -> bool:
-    """Whether a field's choices are its values, not words that stand for others."""
+    """Whether the words of a field with choices are its values, and do not stand for others."""
     return hint in (str, str | None)
 
 
-def _one_of_several(data: Any, parts: Sequence[Any], units: tuple[str, ...]) -> Any:
-    """A union: nothing where that is possible, else the first type that takes the data."""
+def _check_union(data: Any, parts: Sequence[Any], units: tuple[str, ...]) -> Any:
+    """Check data of a union: None where that is possible, else the first type that fits."""
     if data is None and type(None) in parts:
         return None
     errors: list[JointplayError] = []
@@ -635,10 +653,11 @@ def _one_of_several(data: Any, parts: Sequence[Any], units: tuple[str, ...]) -> 
             return check(part, data, units)
         except JointplayError as error:
             errors.append(error)
-    raise max(errors, key=lambda error: len(error.where))  # of the type that took most of it
+    raise max(errors, key=lambda error: len(error.where))  # of the type that fits best
 
 
-def _collection(origin: Any, parts: Sequence[Any], data: Any, units: tuple[str, ...]) -> Any:
+def _check_collection(origin: Any, parts: Sequence[Any], data: Any, units: tuple[str, ...]) -> Any:
+    """Check a table by name, a list, or a tuple; `parts` are the types of the entries."""
     if issubclass(origin, Mapping):
         if not isinstance(data, Mapping):
             raise JointplayError(f"expected a table, got {toml_text(data)}")
@@ -669,7 +688,8 @@ _EXPECTED = {
 }
 
 
-def _simple(kind: Any, data: Any, units: tuple[str, ...]) -> Any:
+def _check_simple(kind: Any, data: Any, units: tuple[str, ...]) -> Any:
+    """Check a number (converted to SI), a text, a truth value or a literal."""
     if kind is float:
         try:
             measured = convert(data, *units)
@@ -700,18 +720,18 @@ SYNONYMS = {
     "ki": "i_gain",
     "mu": "mu_d",
 }
-"""What others call what keys here are for."""
+"""Keys that others use, and the ones of this package that mean the same."""
 
 
 def unknown_key(key: str, keys: Iterable[str], whose: str = "") -> str:
-    """What to say of a key that does not exist."""
+    """Message for a key that does not exist."""
     keys = list(keys)
     meant = SYNONYMS.get(key) if SYNONYMS.get(key) in keys else key
     return f'unknown key "{key}"{whose}; {closest(meant, keys)}valid keys: {", ".join(keys)}'
 
 
 def require_keywords(function: Any, given: Iterable[str], name: str) -> None:
-    """Refuse keywords that a function does not take, as `unknown_key` has it."""
+    """Raise for keywords that a function does not take, with the message of `unknown_key`."""
     code = getattr(function, "__code__", None)
     if code is None or code.co_flags & inspect.CO_VARKEYWORDS:
         return
@@ -723,9 +743,10 @@ def require_keywords(function: Any, given: Iterable[str], name: str) -> None:
 
 
 def known_keywords(target: Target) -> Target:
-    """The same function, or class, which answers a wrong keyword with the nearest that it takes.
+    """Decorate a function or class so that a wrong keyword raises with the nearest valid one.
 
-    Of a class its constructor and its class methods do; a `Described` one does so by itself.
+    For a class, this holds for its constructor and its class methods; a `Described` class needs no
+    decorator.
     """
     if isinstance(target, type):
         target.__init__ = known_keywords(target.__init__)  # type: ignore[misc]
@@ -742,23 +763,23 @@ def known_keywords(target: Target) -> Target:
 
 
 def _know_class_methods(kind: type) -> None:
-    """The same of the class methods that a class itself has for its users."""
+    """Decorate the public class methods of a class with `known_keywords`."""
     for name, method in list(vars(kind).items()):
         if isinstance(method, classmethod) and not name.startswith("_"):
             setattr(kind, name, classmethod(known_keywords(method.__func__)))
 
 
 def one_of(kind: str, value: Any, choices: Iterable[str]) -> str:
-    """What to say of a choice that does not exist."""
+    """Message for a choice that does not exist."""
     choices = list(choices)
     return f"no {kind} {toml_text(value)}; {closest(value, choices)}available: {', '.join(choices)}"
 
 
-# Two pieces of plain data side by side.
+# Comparison of plain data.
 
 
 def differences(was: Any, now: Any, place: str = "") -> Iterator[tuple[str, Any, Any]]:
-    """Where two pieces of plain data differ: the place, and what stands there in each."""
+    """Yield the differences of two pieces of plain data: the place, and both values there."""
     if isinstance(was, dict) and isinstance(now, dict):
         for key in {**was, **now}:
             inside = f"{place}.{key}" if place else key
@@ -771,6 +792,6 @@ def differences(was: Any, now: Any, place: str = "") -> Iterator[tuple[str, Any,
 
 
 def short(value: Any) -> str:
-    """A piece of plain data in at most some sixty characters."""
+    """Represent plain data in about sixty characters at most."""
     text = repr(value)
     return text if len(text) <= 60 else f"{text[:40]}...{text[-15:]}"

@@ -1,7 +1,7 @@
-"""Requests to stop: Ctrl-C, SIGTERM and SIGHUP all do the same, and a second one gives up.
+"""Requests to stop: Ctrl-C, SIGTERM and SIGHUP all do the same; a second one discards.
 
 After the first request what was computed is saved, and a file being written is finished. The second
-gives up what is not yet saved, and reports it.
+discards what is not yet saved, and says so.
 """
 
 import os
@@ -22,10 +22,10 @@ SAVED = "stop requested after the computation had ended: the result is saved"
 SIGNALS = tuple(
     getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
 )
-
+"""Signals that request to stop, as far as the system has them."""
 
 _AGAIN_S = 0.01
-"""Until a request that was dropped is made again [s]."""
+"""Delay after which a request that Python dropped is repeated [s]."""
 
 
 class GivenUp(KeyboardInterrupt):
@@ -33,12 +33,12 @@ class GivenUp(KeyboardInterrupt):
 
 
 _state = SimpleNamespace(requests=0, keeping="")
-"""How often this process has been asked to stop, and what is to be saved, if anything."""
+"""Number of requests to stop this process, and the label of what is to be saved, if anything."""
 
 
 @contextmanager
 def listening() -> Iterator[None]:
-    """Take SIGTERM and SIGHUP for Ctrl-C within the block, and count."""
+    """Treat SIGTERM and SIGHUP like Ctrl-C within the block, and count the requests."""
     if threading.current_thread() is not threading.main_thread():
         yield  # only the main thread can listen
         return
@@ -49,7 +49,7 @@ def listening() -> Iterator[None]:
     hook = sys.unraisablehook
 
     def lost(about: Any) -> None:
-        """Ask again where Python drops exceptions: in destructors, callbacks of weak references."""
+        """Repeat a request that Python dropped, as it does in destructors and weakref callbacks."""
         if not issubclass(about.exc_type, KeyboardInterrupt):
             hook(about)
             return
@@ -71,7 +71,7 @@ def listening() -> Iterator[None]:
 
 
 def forget() -> None:
-    """Forget what the process that this one is a copy of was asked, and what it was to save."""
+    """Reset the state after a fork: the parent's requests, and what it was to save."""
     _state.requests, _state.keeping = 0, ""
 
 
@@ -81,7 +81,7 @@ def _handle(*_: Any) -> None:
 
 
 def stop(*_: Any) -> None:
-    """Stop at once, or let what is to be saved be saved first."""
+    """Count a request, and raise unless there is something to save first."""
     _state.requests += 1
     if not _state.keeping:
         raise KeyboardInterrupt
@@ -90,9 +90,9 @@ def stop(*_: Any) -> None:
 
 
 def say(text: str) -> None:
-    """Log a note as "jointplay"; where nobody listens, it goes to standard error, if there is one.
+    """Log a note as "jointplay", or print it to standard error where no logger listens.
 
-    On a line of its own: a progress bar may be there.
+    It starts on a new line, as a progress bar may be there.
     """
     import logging  # seldom needed
 
@@ -100,7 +100,7 @@ def say(text: str) -> None:
     if logger.hasHandlers():
         logger.warning(text)
         return
-    with suppress(OSError, ValueError, AttributeError):  # closed, full, or none
+    with suppress(OSError, ValueError, AttributeError):  # standard error is closed, full, or absent
         try:
             sys.stderr.write(f"\n{text}\n")
             sys.stderr.flush()
@@ -110,9 +110,9 @@ def say(text: str) -> None:
 
 @contextmanager
 def keeping(label: str) -> Iterator[None]:
-    """Compute and save `label` in the block: a single request to stop does not lose it.
+    """Protect the block, which computes and saves `label`, from a single request to stop.
 
-    Ask `stop_requested` afterwards.
+    Check `stop_requested` afterwards.
 
     Raises:
         GivenUp: two requests to stop, or one before there was anything to save.

@@ -1,4 +1,4 @@
-"""Standard output and error as they are: closed, full, or in an encoding that knows no Greek."""
+"""Standard output and error, robust when they are closed, full, or limited to ASCII."""
 
 import os
 import re
@@ -13,21 +13,21 @@ from typing import Any
 from jointplay.base.errors import one_line
 
 _MOST_NOISE = 10_000
-"""Bytes of what a library prints that are kept (judged: the first hundred lines say it)."""
+"""Most bytes of a library's output that are kept (judged: the first hundred lines suffice)."""
 
 _SHOWN = {
     code: repr(chr(code))[1:-1]
     for code in (*range(0x20), *range(0x7F, 0xA0), *range(0x202A, 0x202F), *range(0x2066, 0x206A))
     if chr(code) not in "\n\t"
 }
-"""Characters that steer a terminal, which names in files of others can hold, and how they look."""
+"""Control characters of terminals, which names in untrusted files can hold, and their escapes."""
 
 _BAR = re.compile(r"(\r|\x1b\[A)")
-"""What bars move the cursor with."""
+"""Cursor movements of progress bars."""
 
 
 class _Plain:
-    """A stream to which no character is written that steers a terminal."""
+    """A stream in which control characters of terminals are escaped."""
 
     def __init__(self, stream: Any) -> None:
         self._stream = stream
@@ -41,11 +41,11 @@ class _Plain:
 
 
 class _Output(_Plain):
-    """Standard output that ends no work: files are written whether or not it can be printed on."""
+    """Standard output whose failure ends no work: files are written even if printing fails."""
 
     def __init__(self, stream: Any) -> None:
         super().__init__(stream)
-        self.failure: OSError | None = None  # after which nothing is printed
+        self.failure: OSError | None = None  # the first one, after which nothing is printed
 
     def write(self, text: str) -> int:
         self._attempt(lambda: self._stream.write(text.translate(_SHOWN)))
@@ -63,14 +63,14 @@ class _Output(_Plain):
                 silence(self._stream)
 
     def finish(self) -> None:
-        """Print what is left; raise what failed, unless the reader, such as `head`, went away."""
+        """Flush, then raise the failure, unless the reader (such as `head`) has just gone away."""
         self.flush()
         if self.failure is not None and not isinstance(self.failure, BrokenPipeError):
             raise self.failure
 
 
 class _Forgiving(_Plain):
-    """Standard error that nothing fails for: no run is lost because no one can be told of it."""
+    """Standard error whose failures are ignored: no run is lost because a message is."""
 
     def write(self, text: str) -> int:
         parts = _BAR.split(text)
@@ -86,7 +86,7 @@ class _Forgiving(_Plain):
 
 @contextmanager
 def forgiving() -> Iterator[_Output]:
-    """Within the block both streams take everything, and any character; gives standard output."""
+    """Make both streams robust within the block: they take any character; yields the output."""
     _open()
     out, before = sys.stdout, sys.stderr
     for stream in (sys.stdout, sys.stderr):
@@ -106,15 +106,15 @@ def forgiving() -> Iterator[_Output]:
         sys.stdout, sys.stderr = out, before
 
 
-# Remarks for the user beside what a command prints are held back until it is clear that the command
-# does something: an error is to be one line, with nothing before it.
+# Notes to the user beside a command's output are held back until the command begins its work: an
+# error is to be one line, with nothing before it.
 _held: list[str] = []
 _quiet = False
 
 
 @contextmanager
 def noting(quiet: bool) -> Iterator[None]:
-    """Hold remarks and Python's warnings back in the block; after an error they are dropped."""
+    """Hold back notes and Python's warnings in the block; an error drops them."""
     global _held, _quiet
     outer = _held, _quiet
     _held, _quiet = [], quiet
@@ -128,29 +128,30 @@ def noting(quiet: bool) -> Iterator[None]:
 
 
 def note(text: object) -> None:
-    """Say something to the user once, as soon as it is clear that all goes well."""
+    """Print a note once, when notes are released."""
     line = one_line(text)
     if line not in _held:
         _held.append(line)
 
 
 def release() -> None:
-    """Say what was held back: the work begins."""
+    """Print the notes held back, as the work begins."""
     for line in [] if _quiet else _held:
         sys.stderr.write(f"{line}\n")
     _held.clear()
 
 
 _LONG_S = 2.0
-"""After which it is said what takes so long (judged: sooner, it ends while one reads)."""
+"""Time after which the user is told what takes so long [s] (judged: sooner, it ends while one
+reads)."""
 
 announced: set[str] = set()
-"""What need not be said again in this process."""
+"""Texts that need not be printed (again) by this process."""
 
 
 @contextmanager
 def saying_if_long(text: str) -> Iterator[None]:
-    """Say once what is done in the block, if it takes long and the user is not to be left alone."""
+    """Print a text once if the block takes long, unless the user asked for quiet."""
 
     def say() -> None:
         if text not in announced and not _quiet:
@@ -168,7 +169,7 @@ def saying_if_long(text: str) -> Iterator[None]:
 
 
 def full(stream: Any) -> bool:
-    """Whether what is left in the stream cannot be written."""
+    """Whether a stream cannot be flushed."""
     try:
         stream.flush()
     except (OSError, ValueError):
@@ -178,7 +179,7 @@ def full(stream: Any) -> bool:
 
 @contextmanager
 def caught_stderr(lines: list[str]) -> Iterator[None]:
-    """Put into `lines` what libraries in C++ print on standard error in the block."""
+    """Append to `lines` what C++ libraries print on standard error in the block."""
     with suppress(OSError, ValueError, AttributeError):
         sys.stderr.flush()
     try:
@@ -198,7 +199,7 @@ def caught_stderr(lines: list[str]) -> Iterator[None]:
 
 
 def _open() -> None:
-    """Have the standard descriptors lead somewhere: else the next file opened would be one."""
+    """Open standard descriptors that are closed: else the next file opened would become one."""
     for number, name, mode in ((0, "stdin", "r"), (1, "stdout", "w"), (2, "stderr", "w")):
         try:
             os.fstat(number)
@@ -214,7 +215,7 @@ def _open() -> None:
 
 
 def silence(stream: Any) -> None:
-    """Have what is left in a stream go nowhere: the end of the process does not complain then."""
+    """Redirect a stream to nowhere, so that flushing it at the end of the process does not fail."""
     with suppress(OSError, ValueError, AttributeError):
         null = os.open(os.devnull, os.O_WRONLY)
         os.dup2(null, stream.fileno())

@@ -1,4 +1,4 @@
-"""Tables as text (aligned columns, CSV, Markdown, HTML), and what objects show of themselves."""
+"""Tables as text (aligned columns, CSV, Markdown, HTML), and the display of objects."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ if TYPE_CHECKING:
     import numpy as np
 
 _MOST_NAMES = 8
-"""Names that a list of them shows."""
+"""Most names that a list shows before it says how many more there are."""
 
 
 class Overview(ABC):
-    """An object that shows a headline and a few facts: lines at a prompt, a table in a notebook."""
+    """An object shown by a headline and facts: lines at a prompt, a table in a notebook."""
 
     @abstractmethod
     def facts(self) -> tuple[str, dict[str, str]]:
-        """Headline, and facts by name."""
+        """Headline, and the facts by name."""
 
     def __repr__(self) -> str:
         headline, facts = self.facts()
@@ -42,19 +42,19 @@ class Overview(ABC):
 
 
 def fact_lines(facts: Mapping[str, str]) -> list[str]:
-    """A line for each fact, its name in front."""
+    """Format facts, a line each, the name in front."""
     return [f"  {name:<16} {text}" for name, text in facts.items()]
 
 
 def wrapped(text: str) -> str:
-    """A paragraph below a heading."""
+    """Wrap a paragraph below a heading."""
     return textwrap.fill(
         text, 100, initial_indent="    ", subsequent_indent="      ", break_on_hyphens=False
     )
 
 
 def aligned(rows: Sequence[Sequence[str]], others: str = "<") -> list[str]:
-    """Lines of aligned text: the first column flush left, the others flush left (or right)."""
+    """Align rows in columns: the first flush left, the others flush left (or right)."""
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     forms = [f"{'<' if place == 0 else others}{width}" for place, width in enumerate(widths)]
     lines = [zip(line, forms, strict=True) for line in rows]
@@ -62,7 +62,7 @@ def aligned(rows: Sequence[Sequence[str]], others: str = "<") -> list[str]:
 
 
 def html_table(facts: Iterable[tuple[str, str]]) -> str:
-    """A table of two columns that needs no style sheet or script."""
+    """HTML table of two columns, without style sheet or script."""
     rows = "".join(
         f"<tr><th style='text-align:left'>{html.escape(name)}</th>"
         f"<td style='text-align:left'>{html.escape(text)}</td></tr>"
@@ -72,23 +72,23 @@ def html_table(facts: Iterable[tuple[str, str]]) -> str:
 
 
 def counted(number: float | str, noun: str, plural: str = "") -> str:
-    """A number and what it counts: ``1 block``, ``3 blocks``; the plural of most nouns has an s."""
+    """Format a number and what it counts: ``1 block``, ``3 blocks``; the plural adds an s."""
     return f"{number} {noun if str(number) == '1' else plural or f'{noun}s'}"
 
 
 def few(names: list[str], most: int = _MOST_NAMES) -> str:
-    """The first names of a list, and how many more there are."""
+    """List the first names, and say how many more there are."""
     text = ", ".join(names[:most])
     return f"{text} and {len(names) - most} more" if len(names) > most else text
 
 
 def for_json(value: Any) -> Any:
-    """Tables, arrays and named tuples as plain data; null for what is no finite number."""
+    """Convert tables, arrays and named tuples to plain data; floats that are not finite to null."""
     if isinstance(value, Table):
         value = value.records()
     elif hasattr(value, "_asdict"):
         value = value._asdict()
-    elif hasattr(value, "tolist"):  # of numpy
+    elif hasattr(value, "tolist"):  # numpy's
         value = value.tolist()
     if isinstance(value, Mapping):
         return {str(key): for_json(entry) for key, entry in value.items()}
@@ -101,41 +101,45 @@ def for_json(value: Any) -> Any:
 
 @dataclass(frozen=True)
 class Column:
-    """A column of a `Table`: what it is called, in which unit, and its values."""
+    """A column of a `Table`: heading, values and unit."""
 
     head: str
+    """Heading."""
     values: Sequence[Any] | np.ndarray
-    """Numbers in SI, text, or None where there is nothing; so is a number that is not finite."""
+    """Numbers in SI, or text; None, and a number that is not finite, where there is no value."""
     unit: str = ""
-    """The SI unit of the numbers; ``"1"`` of parts of a whole, which are shown in per cent."""
+    """SI unit of the numbers; ``"1"`` for fractions, which are shown in per cent."""
     key: str = ""
-    """What it is called in data; by default its head, with the unit."""
+    """Name in data; by default the heading with the unit."""
     fine: bool = False
     """Whether lengths are clearances, which are shown in µm."""
     digits: int = 5
-    """Digits of the largest number, in text; the others have as many decimals."""
+    """Digits of the largest number in text; the others have as many decimals."""
     only: str = ""
-    """``"text"`` or ``"data"``, if it stands in one of them alone."""
+    """``"text"`` or ``"data"`` if the column appears in one of them only."""
     errors: Sequence[Any] | np.ndarray = ()
-    """Of the values, if they are known, with ``+-`` behind them in text."""
+    """Errors of the values, if known, shown behind ``+-`` in text."""
 
     @property
     def shown(self) -> tuple[float, str]:
+        """Factor from SI to the unit shown, and this unit."""
         return (100.0, "%") if self.unit == "1" else displayed(self.unit, self.fine)
 
     @property
     def title(self) -> str:
+        """Heading with the unit shown."""
         unit = self.shown[1]
         return f"{self.head} [{unit}]" if unit else self.head
 
     @property
     def name(self) -> str:
+        """Name of the column in data."""
         unit = re.sub(r"\W+", "_", self.unit.removesuffix("1")).strip("_")
         plain = re.sub(r"\W+", "_", self.head).strip("_").lower()
         return self.key or "_".join(filter(None, (plain, unit)))
 
     def texts(self, further: Sequence[Any] = ()) -> list[str]:
-        """How its values are shown, and those of further rows."""
+        """Format the values, and those of further rows, with common decimals."""
         values = [*self.values, *further]
         factor, _ = self.shown
         sizes = [abs(factor * value) for value in values if _is_number(value) and value]
@@ -147,7 +151,7 @@ class Column:
             form = "d"
         elif not sizes:
             form = ".0f"
-        # What is not nothing must not look like it; rounding errors may.
+        # Only zeros and rounding errors may be shown as zero.
         least = 0.5 * 10.0 ** -max(places, 0)
         noise = _NOISE * max(sizes, default=0.0)
 
@@ -167,11 +171,11 @@ class Column:
 
 
 _NOISE = 1e-9
-"""Numbers that are so much smaller than the largest are shown as nothing: rounding of sums of a
-thousand terms is 1e-13."""
+"""Magnitude, relative to the largest number, below which one is shown as zero: rounding of sums of
+a thousand terms is 1e-13."""
 
 _PLACES, _ZEROS = 9, 3
-"""Most decimals, and most digits that are shown beyond those asked for; else a power of ten."""
+"""Most decimals, and most digits beyond those asked for; numbers that need more get an exponent."""
 
 
 def _is_number(value: Any) -> bool:
@@ -179,11 +183,11 @@ def _is_number(value: Any) -> bool:
 
 
 Head = tuple[str, str] | tuple[str, str, bool]
-"""Name and unit of a column, and whether its lengths are clearances."""
+"""Heading and unit of a column, and whether its lengths are clearances."""
 
 
 class Answer(ABC):
-    """What answers in a sentence, at a prompt, and has a table, which notebooks and `print` add."""
+    """An object shown by a sentence at a prompt; notebooks and `print` add its table."""
 
     @property
     @abstractmethod
@@ -192,7 +196,7 @@ class Answer(ABC):
 
     @abstractmethod
     def table(self) -> Table:
-        """What it is made up of."""
+        """The numbers behind it."""
 
     def __repr__(self) -> str:
         return f"<jointplay {type(self).__name__}: {self.sentence}>"
@@ -206,30 +210,32 @@ class Answer(ABC):
 
 @dataclass(frozen=True)
 class Table:
-    """Rows with names, units and values: shown as text, Markdown and HTML, written as data.
+    """Columns with headings and units: shown as text, Markdown or HTML, and written as data.
 
-    Text is in handy units; data (CSV, records) are SI, in full precision or with so many digits.
+    Text is in handy units; data (CSV, records) are SI, in full precision or rounded.
     """
 
     columns: Sequence[Column]
     totals: Sequence[Sequence[Any]] = ()
-    """Further rows that are shown, such as sums: values of the columns that are shown."""
+    """Further rows in text, such as sums: a value for each column shown."""
     notes: Sequence[str] = ()
-    """Lines that are shown below it."""
+    """Lines shown below the table."""
 
     @classmethod
     def of(cls, heads: Sequence[Head], rows: Sequence[Sequence[Any]]) -> Self:
-        """The table of rows whose columns have these names and units, and are fine or not."""
+        """Make a table from the heads of its columns and its rows."""
         values = list(zip(*rows, strict=True)) or [() for _ in heads]
         pairs = zip(heads, values, strict=True)
         return cls([Column(head, x, unit, fine=any(fine)) for (head, unit, *fine), x in pairs])
 
     @classmethod
     def of_texts(cls, rows: Sequence[Sequence[str]]) -> Self:
+        """Make a table of text from its rows, the first of which has the headings."""
         head, *others = rows
         return cls.of([(text, "") for text in head], others)
 
     def _shown(self) -> tuple[list[str], list[list[str]]]:
+        """Headings and rows of the table as text."""
         shown = [column for column in self.columns if column.only != "data"]
         columns = [column.texts([row[k] for row in self.totals]) for k, column in enumerate(shown)]
         return [column.title for column in shown], [list(row) for row in zip(*columns, strict=True)]
@@ -256,7 +262,7 @@ class Table:
         return f"<table>{line(head, 'th')}{body}</table>{notes}"
 
     def _data(self) -> dict[str, Sequence[Any] | np.ndarray]:
-        """Values by the columns' names in data, with their errors behind them."""
+        """Values by the columns' names in data, each followed by its errors, if any."""
         shown = [column for column in self.columns if column.only != "text"]
         data: dict[str, Sequence[Any] | np.ndarray] = {}
         for column in shown:
@@ -266,13 +272,14 @@ class Table:
         return data
 
     def records(self) -> list[dict[str, Any]]:
-        """A dictionary for each row, by the columns' names in data, SI."""
+        """Rows as dictionaries by the columns' names in data, in SI units."""
         data = self._data()
         return [dict(zip(data, row, strict=True)) for row in zip(*data.values(), strict=True)]
 
     def csv(self, digits: int | None = 9) -> str:
-        """A line for each row, SI, numbers with so many digits; None: all, so that they read back
-        the same.
+        """Write the table as CSV in SI units, numbers with so many digits.
+
+        None writes all digits, so that numbers read back exactly.
         """
         data, text = self._data(), io.StringIO(newline="")
         writer = csv.writer(text, lineterminator="\n")

@@ -1,4 +1,7 @@
-"""Quantities as scenario files write them: bare numbers are SI, text carries its unit."""
+"""Quantities with units: reading ``"0.2 mm"``, and showing values in handy units.
+
+Bare numbers are in SI units; text carries its unit.
+"""
 
 from __future__ import annotations
 
@@ -47,7 +50,7 @@ WORDS = {
     "V*s/m": ("voltage per speed", "50 V*s/m"),
     "m^3/(N*m)": ("specific wear rate", "1e-5 mm^3/(N*m)"),
 }
-"""Units of the package by their text: what they measure, and an example for messages."""
+"""SI units of the package: the quantity that each measures, and an example for messages."""
 
 _DEGREE = 0.017453292519943295
 COMMON = {unit: (unit, 1.0) for unit in WORDS if unit} | {
@@ -56,49 +59,49 @@ COMMON = {unit: (unit, 1.0) for unit in WORDS if unit} | {
     "ms": ("s", 1e-3), "us": ("s", 1e-6), "µs": ("s", 1e-6), "g": ("kg", 1e-3),
     "mm/s": ("m/s", 1e-3), "kN": ("N", 1e3), "MPa": ("Pa", 1e6), "GPa": ("Pa", 1e9),
 }  # fmt: skip
-"""Usual units: in which one of `WORDS`, and how many of it. Pint, which knows all, takes long to
-import; a test holds these against it."""
+"""Common units: the unit of `WORDS` that each belongs to, and its size in it. They spare the import
+of pint, which knows all units and takes long; a test compares the two."""
 
 _DOUBTED = {
     "m": (5.0, math.inf, "mm"),
     "m/s": (10.0, math.inf, "mm/s"),
     "Pa": (1e-9, 1e5, "GPa"),
 }
-"""Sizes from and to which a number without a unit is doubted, and what may have been meant: no part
-of a machine is so long or fast, no material so soft (judged)."""
+"""Range of magnitudes in which a number without a unit is implausible in this unit, and the unit
+that may have been meant: no part of a machine is so long or fast, no material so soft (judged)."""
 
 _LARGEST = 10**300
-"""Whole numbers beyond it are none that a float can hold."""
+"""Largest whole number that is converted to a float."""
 
 _LONGEST_UNIT = 60
-"""Characters of a unit that is read: longer ones are no units (judged)."""
+"""Most characters of a unit (judged)."""
 _NO_UNIT = re.compile(r"\d{3}|\d\s*(\*\*|\^)|[^\w\s*/^().·°%Å-]|\n")
-"""What no unit has in it; a power of a power would keep the parser busy for ever, and pint leaves
-out what follows a sign that it does not know: ``mm ; 1`` would be mm."""
+"""Text that no unit contains: a power of a power would keep the parser busy for ever, and pint
+drops what follows a sign that it does not know, so that ``mm ; 1`` would be mm."""
 
 _LONGEST_SHOWN, _MOST_SHOWN = 100, 20
-"""Longest text and list that a message repeats."""
+"""Longest text, and most items of a list, that a message repeats."""
 
 NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
-"""A number as all programs understand it. Python's own reader takes more, such as ``4_35`` or
-digits of other scripts."""
+"""A number as all programs understand it. Python's `float` accepts more, such as ``4_35`` or digits
+of other scripts."""
 _NO_NUMBER = re.compile(r"[+-]?(nan|inf(inity)?)", re.ASCII | re.IGNORECASE)
 _QUANTITY = re.compile(rf"\s*(?P<number>{NUMBER.pattern})\s*(?P<unit>.*?)\s*")
 
 _DEGREES = (10.0, 360.0)
-"""Whole numbers from and to here are degrees rather than radians: a turn has 6.28 of these."""
+"""Range in which a whole number is probably degrees, not radians: a full turn has 6.28 radians."""
 
 _RPM = 1000.0
-"""Whole numbers from here on are rpm rather than rad/s: 9549 rpm are seldom (judged)."""
+"""Whole number from which on it is probably rpm, not rad/s, which would be 9549 rpm (judged)."""
 
 
 class Measured(float):
     """A value in SI that remembers in which of several possible units it was given."""
 
     unit: str
-    """The SI unit, or empty for a bare number."""
+    """SI unit, or empty for a bare number."""
     text: str
-    """As the file has it."""
+    """Text in the file."""
 
     def __new__(cls, value: float, unit: str, text: str) -> Measured:
         self = super().__new__(cls, value)
@@ -107,7 +110,7 @@ class Measured(float):
 
 
 def expected(*units: str) -> str:
-    """What to write for a quantity in one of `units`: ``a length such as "0.2 mm"``."""
+    """Describe a quantity in one of `units` with an example: ``a length such as "0.2 mm"``."""
     parts = []
     for unit in units:
         word, example = WORDS.get(unit, (f"quantity in {unit}", f"1 {unit}"))
@@ -117,14 +120,17 @@ def expected(*units: str) -> str:
 
 
 def convert(value: Any, *units: str) -> Measured:
-    """Value in SI of a bare number or of text such as ``"0.2 mm"``.
+    """Convert a bare number, or text such as ``"0.2 mm"``, to SI.
 
-    Decimal prefixes are exact: ``"0.2 mm"`` is the number nearest to 0.0002.
+    Decimal prefixes are exact: ``"0.2 mm"`` becomes the number nearest to 0.0002.
 
-    One of `units` must fit, keys of `WORDS` or other SI units; empty for pure numbers.
+    Args:
+        value: number or text.
+        units: SI units, such as the keys of `WORDS`, one of which must fit; ``""`` for pure
+            numbers.
 
     Raises:
-        ValueError: one line that names the value, and what was expected.
+        ValueError: the value does not fit; one line that names it and what was expected.
     """
     if isinstance(value, int | float) and not isinstance(value, bool):
         if (isinstance(value, int) and abs(value) > _LARGEST) or not math.isfinite(value):
@@ -158,16 +164,19 @@ _TITLE = re.compile(r"^(.*?)\s*(?:\[([^\[\]]*)\]|\(((?:[^()]|\([^()]*\))*)\))\s*
 
 
 def titled(title: str) -> tuple[str, str]:
-    """A column's name and unit, of ``tool x [mm]`` or ``tool x (mm)``; no unit if it has none."""
+    """Split a column title such as ``tool x [mm]`` or ``tool x (mm)`` into name and unit.
+
+    The unit is empty if there is none.
+    """
     match = _TITLE.match(title)
     return (match[1].strip(), (match[2] or match[3] or "").strip()) if match else (title, "")
 
 
 def plain_number(text: str) -> float:
-    """A number without a unit, `nan` and `inf` too.
+    """Read a number without a unit, `nan` and `inf` included.
 
     Raises:
-        ValueError: it is none, or too small for a float.
+        ValueError: the text is no number, or one too small for a float.
     """
     text = text.strip()
     if not (NUMBER.fullmatch(text) or _NO_NUMBER.fullmatch(text)):
@@ -176,10 +185,10 @@ def plain_number(text: str) -> float:
 
 
 def not_lost(text: str) -> float:
-    """What Python reads as a number, unless it becomes 0 that is not.
+    """Read a number as Python does, but refuse one that would underflow to 0.
 
     Raises:
-        ValueError: it is none, or too small for a float.
+        ValueError: the text is no number, or one too small for a float.
     """
     value = float(text)
     if value == 0.0 and re.search("[1-9]", text.lower().partition("e")[0]):
@@ -188,10 +197,10 @@ def not_lost(text: str) -> float:
 
 
 def ask_unit(value: float, unit: str) -> None:
-    """Refuse a number without a unit that looks like degrees or rpm; its unit would be `unit`.
+    """Raise for a number without a unit that looks like degrees or rpm, but would be in `unit`.
 
     Raises:
-        ValueError: it asks.
+        ValueError: a question which of the two is meant.
     """
     integral = float(value).is_integer()
     if unit == "rad/s" and integral and abs(value) >= _RPM:
@@ -207,10 +216,10 @@ def ask_unit(value: float, unit: str) -> None:
 
 
 def ask_scale(value: float, unit: str) -> None:
-    """Refuse a number without a unit of a size that parts of machines do not have.
+    """Raise for a number without a unit whose size is implausible for a machine in that unit.
 
     Raises:
-        ValueError: it asks.
+        ValueError: a question which unit is meant.
     """
     least, most, usual = _DOUBTED.get(unit, (math.inf, 0.0, ""))
     if least <= abs(value) <= most:
@@ -223,6 +232,7 @@ def ask_scale(value: float, unit: str) -> None:
 def _measured(
     value: str, number: str, factor: float, goal: str, units: tuple[str, ...]
 ) -> Measured:
+    """Multiply a number by its unit's size; raise on overflow, and on underflow to 0."""
     measured = exact(number, factor)
     if not math.isfinite(measured):
         raise ValueError(f"{toml_text(value)} is not finite; expected {expected(*units)}")
@@ -232,7 +242,7 @@ def _measured(
 
 
 def toml_text(value: Any) -> str:
-    """A value as TOML writes it."""
+    """Write a value as TOML does, shortened for messages."""
     if isinstance(value, str):
         return f'"{value}"' if len(value) <= _LONGEST_SHOWN else f'"{value[:40]}..."'
     if isinstance(value, bool):
@@ -252,13 +262,13 @@ def _with_article(word: str) -> str:
 
 
 def named(*units: str) -> str:
-    """What `units` measure: ``a length``, ``an angle or a length``."""
+    """Name the quantities that `units` measure: ``a length``, ``an angle or a length``."""
     nouns = [WORDS.get(unit, (f"quantity in {unit}",))[0] for unit in units]
     return " or ".join(map(_with_article, nouns))
 
 
 class _Unit:
-    """A unit's size in root units, its dimensions, and its power of the radian."""
+    """A unit of pint: its size in base units, its dimensions, and its power of the radian."""
 
     def __init__(self, unit: pint.Unit) -> None:
         root = _registry().Quantity(1.0, unit).to_root_units()
@@ -268,13 +278,13 @@ class _Unit:
 
 
 _NO_TURNS = ("", "rad", "m", "s", "kg", "m/s", "m/s^2", "N", "Pa", "kg/m^3", "V", "ohm")
-"""Units in which nobody leaves an angle out or puts one in: ``5 deg mm`` is no length."""
+"""Units in which the power of the radian must match: ``5 deg mm`` is no length."""
 
 
 def fits(unit: _Unit, goal: str) -> bool:
-    """Whether values in `unit` can be told in `goal`."""
+    """Whether values in `unit` can be converted to `goal`."""
     # The radian has no dimension, so an angle would pass for a number, and a number for an angle.
-    # Where both are usual (N m per radian, 1/s), either will do.
+    # Where both are common (N m per radian, 1/s), either is accepted.
     wanted = unit_of(goal)
     return unit.dimensions == wanted.dimensions and (
         goal not in _NO_TURNS or unit.turns == wanted.turns
@@ -282,13 +292,13 @@ def fits(unit: _Unit, goal: str) -> bool:
 
 
 def exact(number: str, factor: float) -> float:
-    """number * factor, correctly rounded if the factor is a power of ten."""
+    """Product number * factor, correctly rounded if the factor is a power of ten."""
     try:
         power = round(math.log10(factor))
         if math.isclose(factor, 10.0**power, rel_tol=1e-12):
             return float(Decimal(number).scaleb(power))
         return float(number) * factor
-    except (ArithmeticError, ValueError):  # sizes beyond all numbers
+    except (ArithmeticError, ValueError):  # beyond the range of numbers
         return math.inf
 
 
@@ -311,7 +321,7 @@ def _registry() -> pint.UnitRegistry[float]:
     import pint
 
     registry: pint.UnitRegistry[float] = pint.UnitRegistry(on_redefinition="ignore")
-    # Pint's hertz is 1/s, which as a natural frequency would pass for 1 rad/s.
+    # Pint's hertz is 1/s: a natural frequency of 1 Hz would be taken for 1 rad/s.
     registry.define("hertz = revolution / second = Hz")
     return registry
 
@@ -324,7 +334,7 @@ _DISPLAY = {
     "rad/(N*m)": (1e3, "mrad/(N*m)"),
     "m/N": (1e3, "mm/N"),
 }
-"""Factor and unit in which results are shown, by SI unit; others are shown as they are."""
+"""Factor and unit in which results are shown, by SI unit; other units are shown unchanged."""
 
 _FINE = {
     "m": (1e6, "µm"),
@@ -336,7 +346,7 @@ _FINE = {
     "J": (1e6, "µJ"),
     "W": (1e3, "mW"),
 }
-"""The same of what is as small as a clearance, or what goes with it."""
+"""Factor and unit for quantities as small as clearances, and what goes with them."""
 
 _PREFIXED = {
     "m": ((1e-9, "nm"), (1e-6, "µm"), (1e-3, "mm"), (1.0, "m")),
@@ -345,31 +355,31 @@ _PREFIXED = {
     "J": ((1e-9, "nJ"), (1e-6, "µJ"), (1e-3, "mJ"), (1.0, "J")),
     "W": ((1e-9, "nW"), (1e-6, "µW"), (1e-3, "mW"), (1.0, "W")),
 }
-"""Sizes of units with prefixes, the smallest first."""
+"""Sizes and names of units with prefixes, the smallest first."""
 
 
 def displayed(unit: str, fine: bool = False) -> tuple[float, str]:
-    """How many of the unit in which results are shown are one SI `unit`, and that unit.
+    """Factor from an SI `unit` to the unit in which results are shown, and that unit.
 
-    `fine` is for sizes such as clearances.
+    `fine` selects the unit for sizes such as clearances.
     """
     factor, word = (_FINE if fine and unit in _FINE else _DISPLAY).get(unit, (1.0, unit))
     return factor, typeset(word)
 
 
 def typeset(unit: str) -> str:
-    """A unit as people read it: N m/s² for ``N*m/s^2``."""
+    """Typeset a unit: N m/s² for ``N*m/s^2``."""
     return unit.replace("^2", "²").replace("^3", "³").replace("*", " ")
 
 
 def rounded(value: float, unit: str, digits: int = 4, fine: bool = False) -> str:
-    """A value in SI, rounded, in the unit in which tables have it (`displayed`)."""
+    """Format an SI value, rounded, in the unit in which results are shown (`displayed`)."""
     factor, word = displayed(unit, fine)
     return f"{float(f'{factor * value:.{digits}g}'):g} {word}".rstrip()
 
 
 def handy(size: float, unit: str) -> tuple[float, str]:
-    """The unit in which something of a size [SI] is easy to read: its own size, and its name."""
+    """Choose the prefixed unit in which a size [SI] is easy to read: its size and name."""
     best = (1.0, unit)
     if size != 0.0:
         for factor, name in _PREFIXED.get(unit, ()):
@@ -380,9 +390,9 @@ def handy(size: float, unit: str) -> tuple[float, str]:
 
 
 def readable(value: float, unit: str, digits: int = 6) -> str:
-    """A value in SI, rounded, with a handy prefix: 0.0002 m is ``0.2 mm``.
+    """Format an SI value, rounded, with a handy prefix: 0.0002 m is ``0.2 mm``.
 
-    An angle is told in degrees, mrad or rad, whichever is the shortest.
+    An angle is given in degrees, mrad or rad, whichever is the shortest.
     """
     value = float(f"{value:.{digits}g}")
     if unit == "rad" and value != 0.0:
@@ -393,6 +403,6 @@ def readable(value: float, unit: str, digits: int = 6) -> str:
 
 
 def round_below(value: float) -> float:
-    """The largest of 1, 2 and 5 times a power of ten that is at most `value` > 0."""
+    """Largest of 1, 2 and 5 times a power of ten that is at most `value` > 0."""
     power = 10.0 ** math.floor(math.log10(value * (1.0 + 1e-9)))
     return float(f"{max(n for n in (1, 2, 5) if n * power <= value * (1.0 + 1e-9)) * power:.3g}")

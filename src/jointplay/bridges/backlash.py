@@ -58,22 +58,20 @@ class Reversals:
         return cls(joints, tuple(name for name in joints if entries[name].slides), lost)
 
     @property
-    def letters(self) -> dict[str, str]:
-        """Axis letters of the sliding joints that lose motion."""
-        letters = axis_letters(self.sliding)
-        return {name: letters[name] for name in letters if name in self.lost}
+    def by_letter(self) -> list[tuple[str, float]]:
+        """Axis letter and lost motion of the sliding joints that lose some [mm]."""
+        letters = axis_letters(self.sliding).items()
+        return [(axis, self._size(name)) for name, axis in letters if name in self.lost]
 
     @property
-    def numbers(self) -> dict[str, int]:
-        """Axis numbers of the joints that lose motion: 0 to 2 for X to Z, else by their order."""
-        letters = axis_letters(self.sliding)
-        return {
-            name: "XYZ".index(letters[name]) if name in letters else self.joints.index(name)
-            for name in self.lost
-        }
+    def by_number(self) -> list[tuple[int, float]]:
+        """Axis number and lost motion of the joints that lose some [mm or degrees]; numbers are 0
+        to 2 for X to Z, else by the joints' order.
+        """
+        numbers = {name: "XYZ".index(axis) for name, axis in axis_letters(self.sliding).items()}
+        return [(numbers.get(n, self.joints.index(n)), self._size(n)) for n in self.lost]
 
-    def size(self, joint: str) -> float:
-        """Lost motion of a joint, in mm or degrees, as firmware counts."""
+    def _size(self, joint: str) -> float:
         return _in_unit(self.lost[joint], joint in self.sliding)
 
 
@@ -181,11 +179,8 @@ def _in_unit(value: float, slides: bool) -> float:
 def _linuxcnc(reversals: Reversals) -> dict[str, str]:
     """Tables for a corrected motion; for measured lost motion, lines of the INI file."""
     if not reversals.tables:
-        lines = [
-            f"[JOINT_{number}]\nBACKLASH = {reversals.size(name):.4f}"
-            for name, number in reversals.numbers.items()
-        ]
-        return {"linuxcnc.ini": "\n".join(lines) + "\n"}
+        lines = [f"[JOINT_{number}]\nBACKLASH = {x:.4f}" for number, x in reversals.by_number]
+        return _file("linuxcnc.ini", [], lines)
     files = names_for(list(reversals.tables), ".comp")
     contents = {}
     for (name, table), file in zip(reversals.tables.items(), files, strict=True):
@@ -210,41 +205,33 @@ def _mean(grid: np.ndarray, q: np.ndarray, shift: np.ndarray) -> np.ndarray:
     return means
 
 
+def _file(name: str, head: list[str], lines: list[str], *end: str) -> dict[str, str]:
+    """A file by its name, if it has a line for any joint."""
+    return {name: "\n".join([*head, *lines, *end]) + "\n"} if lines else {}
+
+
 def _marlin(reversals: Reversals) -> dict[str, str]:
-    axes = [f"{letter}{reversals.size(n):.4f}" for n, letter in reversals.letters.items()]
-    if not axes:
-        return {}
-    return {"marlin.gcode": f"; play by axis, full correction\nM425 F1.0 {' '.join(axes)}\n"}
+    axes = " ".join(f"{letter}{x:.4f}" for letter, x in reversals.by_letter)
+    lines = [f"M425 F1.0 {axes}"] if axes else []
+    return _file("marlin.gcode", ["; play by axis, full correction"], lines)
 
 
 def _klipper(reversals: Reversals) -> dict[str, str]:
-    lines = [
-        f"{letter.lower()}_backlash: {reversals.size(name):.4f}"
-        for name, letter in reversals.letters.items()
-    ]
     head = ["# For pull request 7259, a draft: Klipper without it refuses this section."]
-    text = "\n".join([*head, "[backlash_compensation]", *lines]) + "\n"
-    return {"klipper.cfg": text} if lines else {}
+    lines = [f"{letter.lower()}_backlash: {x:.4f}" for letter, x in reversals.by_letter]
+    return _file("klipper.cfg", [*head, "[backlash_compensation]"], lines)
 
 
 def _grblhal(reversals: Reversals) -> dict[str, str]:
-    lines = [
-        f"$16{number}={reversals.size(name):.4f}"
-        for name, number in reversals.numbers.items()
-        if number < 6
-    ]
-    return {"grblhal.txt": "\n".join(lines) + "\n"} if lines else {}
+    lines = [f"$16{number}={x:.4f}" for number, x in reversals.by_number if number < 6]
+    return _file("grblhal.txt", [], lines)
 
 
 def _smoothieware(reversals: Reversals) -> dict[str, str]:
     greek = {"X": "alpha", "Y": "beta", "Z": "gamma"}
-    lines = [
-        f"{greek[letter]}_backlash_mm {reversals.size(name):.4f}"
-        for name, letter in reversals.letters.items()
-    ]
     head = ["# For pull request 1543, built with BACKLASH=1."]
-    text = "\n".join([*head, *lines, "backlash_enable true"]) + "\n"
-    return {"smoothieware.txt": text} if lines else {}
+    lines = [f"{greek[letter]}_backlash_mm {x:.4f}" for letter, x in reversals.by_letter]
+    return _file("smoothieware.txt", head, lines, "backlash_enable true")
 
 
 FORMATS = {

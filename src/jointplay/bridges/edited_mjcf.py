@@ -75,19 +75,21 @@ class EditedRobot:
         loose = [r for r in reductions if r.dead_band > 0.0]
         hinges = []
         for r in reductions:
-            losses = r.friction, r.viscous
             if r in loose:
                 hinge, inserted = self._hinge(root, r)
                 added += [r.joint] * inserted
                 hinges.append(hinge)
-                _put_tendons(tendon, r, hinge, *losses)
-            elif any(losses):
-                self._add_friction(root, r.joint, *losses)
+                _put_tendons(tendon, r, hinge)
+            elif r.friction or r.viscous:
+                self._add_friction(root, r)
         self._resize_keys(root, added)
         if len(tendon) and tendon not in root:
             root.append(tendon)
         if loose:
-            step = self._resolving_step(root, loose, hinges)
+            model = compile_text(_text(root))
+            rows = [int(model.joint(name).dofadr[0]) for name in hinges]
+            mass = mass_at(model, self.pose)
+            step = resolving_step(mass, rows, [r.stiffness for r in loose])
             if step < self.model.opt.timestep:
                 _last(root, "option").set("timestep", f"{step:.6g}")
         return _text(root)
@@ -140,11 +142,11 @@ class EditedRobot:
         holder.insert([*holder].index(joint) + 1, hinge)
         return name, True
 
-    def _add_friction(self, root: Element, name: str, friction: float, viscous: float) -> None:
+    def _add_friction(self, root: Element, reduction: Reduction) -> None:
         """Add the friction of a bearing to that of a joint without play about its axis."""
-        _, joint = _find(root, name)
-        row = self.model.joint(name).dofadr[0]
-        for key, addition in (("frictionloss", friction), ("damping", viscous)):
+        _, joint = _find(root, reduction.joint)
+        row = self.model.joint(reduction.joint).dofadr[0]
+        for key, addition in (("frictionloss", reduction.friction), ("damping", reduction.viscous)):
             value = getattr(self.model, f"dof_{key}").reshape(self.model.nv, -1)[row, 0]
             joint.set(key, written(value + addition))
 
@@ -155,15 +157,6 @@ class EditedRobot:
                 if values := key.get(name, "").split():
                     indices = [getattr(self.model.joint(joint), address)[0] + 1 for joint in added]
                     key.set(name, " ".join(np.insert(np.array(values, object), indices, "0")))
-
-    def _resolving_step(
-        self, root: Element, loose: Sequence[Reduction], hinges: Sequence[str]
-    ) -> float:
-        """Time step of the whole file that resolves the teeth [s]."""
-        model = compile_text(_text(root))
-        rows = [int(model.joint(name).dofadr[0]) for name in hinges]
-        mass = mass_at(model, self.pose)
-        return resolving_step(mass, rows, [r.stiffness for r in loose])
 
 
 def edited_robot(
@@ -321,9 +314,7 @@ def _find(root: Element, name: str) -> tuple[Element, Element]:
     return matches[0]
 
 
-def _put_tendons(
-    tendon: Element, reduction: Reduction, hinge: str, friction: float, viscous: float
-) -> None:
+def _put_tendons(tendon: Element, reduction: Reduction, hinge: str) -> None:
     """Add the tendons of a joint's play in place of those that held its hinge before."""
     names = {part.get("name") for part in tendon}
     for part in list(tendon):
@@ -331,6 +322,6 @@ def _put_tendons(
             tendon.remove(part)
         elif [wrapped.get("joint") for wrapped in part] == [hinge]:
             part.attrib.update({"stiffness": "0", "limited": "false"})
-    put_play(tendon, reduction, hinge, friction, viscous)
+    put_play(tendon, reduction, hinge)
     if f"{reduction.joint}.link" in names:  # the file has this tendon, with its losses, already
         tendon.remove(tendon[-1])

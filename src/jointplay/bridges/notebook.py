@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import base64
 import html
-import io
 from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
 
 from jointplay.base.errors import JointplayError
+from jointplay.base.files import drawn
 from jointplay.base.tables import few, html_table
 from jointplay.base.units import readable
 from jointplay.show.plots.chart import Axis, Chart, Curve, Panel
@@ -68,9 +68,7 @@ def rows_of(result: Result) -> list[tuple[str, str]]:
 def _image(result: Result) -> str:
     if len(result.time) < 2:
         return ""
-    buffer = io.BytesIO()
-    draw(_chart(result)).savefig(buffer, format="png", dpi=100)
-    data = base64.b64encode(buffer.getvalue()).decode()
+    data = base64.b64encode(drawn(draw(_chart(result)), "png", dpi=100)).decode()
     text = "tool path and contact force" if result.joints else "tool path and drive efforts"
     return f'<img alt="{text}" src="data:image/png;base64,{data}"/>'
 

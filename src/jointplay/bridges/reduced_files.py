@@ -65,8 +65,8 @@ class Body:
     """Dry friction [N m or N]."""
     damping: float
     """Viscous friction [N m s/rad or N s/m]."""
-    stop: tuple[float, float] | None = None
-    """Stiffness [N m/rad] and damping [N m s/rad] of the limits; None if they are rigid."""
+    stop: float | None = None
+    """Stiffness of the limits [N m/rad], whose damping is `damping`; None if they are rigid."""
 
 
 def bodies(mechanism: Mechanism, reductions: Iterable[Reduction] = ()) -> list[Body]:
@@ -117,7 +117,7 @@ def bodies(mechanism: Mechanism, reductions: Iterable[Reduction] = ()) -> list[B
             body = replace(
                 body, name=f"{name}_play", parent=motor, placement=pin.SE3.Identity(),
                 limits=(-half, half), friction=0.0, damping=reduction.damping,
-                stop=(reduction.stiffness, reduction.damping),
+                stop=reduction.stiffness,
             )  # fmt: skip
         tree.append(body)
         carriers.append(body)
@@ -163,7 +163,7 @@ def to_sdf(mechanism: Mechanism, *reductions: Reduction, encoder: str = "motor")
         if np.isfinite(body.limits).all():
             _put_texts(limit, lower=body.limits[0], upper=body.limits[1])
         if body.stop is not None:
-            _put_texts(limit, stiffness=body.stop[0], dissipation=body.stop[1])
+            _put_texts(limit, stiffness=body.stop, dissipation=body.damping)
         if (entry := described.joints.get(body.name)) is not None:
             rated = {"effort": entry.effort, "velocity": entry.speed}
             _put_texts(limit, **{tag: x for tag, x in rated.items() if x is not None})

@@ -120,7 +120,7 @@ class CompiledRobot:
         # Tendons: teeth with a dead band, and rims within the bore.
         tendon, actuator, sensor = (put(root, tag) for tag in ("tendon", "actuator", "sensor"))
         for name, reduction in loose.items():
-            put_play(tendon, reduction, f"{name}_play", reduction.friction, reduction.viscous)
+            put_play(tendon, reduction, f"{name}_play")
         for name in self.tilting:
             rim = put(
                 tendon, "spatial", name=f"{name}.rim", limited="true",
@@ -178,15 +178,14 @@ class CompiledRobot:
         return resolving_step(matrix, rows, [r.stiffness for r in loose])
 
 
-def put_play(
-    tendon: Element, reduction: Reduction, hinge: str, friction: float, viscous: float
-) -> None:
+def put_play(tendon: Element, reduction: Reduction, hinge: str) -> None:
     """Add the tendons of a joint's play: teeth that hold the `hinge`, and the link's losses."""
     name, half = reduction.joint, 0.5 * reduction.dead_band
     teeth = {"stiffness": reduction.stiffness, "damping": reduction.damping}
     play = put(tendon, "fixed", name=f"{name}.play", springlength=(-half, half), **teeth)
     put(play, "joint", joint=hinge, coef=1.0)
-    link = put(tendon, "fixed", name=f"{name}.link", frictionloss=friction, damping=viscous)
+    losses = {"frictionloss": reduction.friction, "damping": reduction.viscous}
+    link = put(tendon, "fixed", name=f"{name}.link", **losses)
     for part in (name, hinge):
         put(link, "joint", joint=part, coef=1.0)
 

@@ -242,7 +242,7 @@ def reduce(
     positions[joint] = middle
     result = _full_run(isolated, joint, positions, amplitude, period, joint_friction, progress)
     friction = joint_friction or JointFriction(entry.friction, entry.damping)
-    bearing = _fit_friction(result, isolated, joint)
+    bearing = {} if clearance is None else _fit_friction(result, isolated, joint)
     fields: dict[str, Any] = {
         "friction": friction.coulomb + bearing.pop("dry", 0.0),
         "viscous": friction.viscous + bearing.pop("viscous", 0.0),
@@ -265,10 +265,11 @@ def reduce(
         coarse = link.run(time, motor, fitted, damping, start, step)
         step_error = float(np.abs(coarse - reduced).max())
     history = {"time": time, "motor": motor, "full": full, "reduced": reduced}
-    fields |= bearing | _across_the_axis(isolated, clearance, positions)
-    if (tilts := _compare_tilts(isolated, joint, q)) is not None:
-        history["tilt"], largest, rms = tilts
-        fields |= {"tilt_error": SAFETY * largest, "tilt_rms": rms}
+    if clearance is not None:
+        fields |= bearing | _across_the_axis(isolated, clearance, positions)
+        if clearance.hinge is not None and clearance.hinge.tilts:
+            history["tilt"], largest, rms = _compare_tilts(isolated, joint, q)
+            fields |= {"tilt_error": SAFETY * largest, "tilt_rms": rms}
     difference = np.abs(reduced - full)
     fields["angle_error"] = SAFETY * (float(difference.max()) + step_error)
     fields["angle_rms"] = float(np.sqrt(np.mean(difference**2)))
@@ -456,9 +457,8 @@ def _fit_friction(result: Result, mechanism: Mechanism, joint: str) -> dict[str,
     """Dry and viscous friction of the bearing, by non-negative least squares of its friction torque
     over the speed while it slides, with the fit's error and range; empty without sliding.
     """
-    clearance = mechanism.clearance.get(joint)
-    if clearance is None or clearance.hinge is None:
-        return {}
+    clearance = mechanism.clearance[joint]
+    assert clearance.hinge is not None
     force = np.nan_to_num(result["friction_force"].sel(joint=joint).values)
     speed = np.abs(result["v"].values[:, mechanism.coordinate(joint)])
     settled = result.time >= SETTLED * result.time[-1]
@@ -593,12 +593,11 @@ def _follow(
 
 
 def _across_the_axis(
-    mechanism: Mechanism, clearance: Clearance | None, pose: Mapping[str, float]
+    mechanism: Mechanism, clearance: Clearance, pose: Mapping[str, float]
 ) -> dict[str, Any]:
     """Play of the bearing across and along its axis, with stiffnesses at the resting load."""
-    if clearance is None or clearance.hinge is None:
-        return {}
     hinge = clearance.hinge
+    assert hinge is not None
     load = play_model(mechanism, pose).load[0, 0]
     tilt = float(clearance.play(second_order=False).reach[1])
     arm = hinge.length / 2.0
@@ -626,17 +625,14 @@ def _across_the_axis(
 
 def _compare_tilts(
     mechanism: Mechanism, joint: str, q: np.ndarray
-) -> tuple[np.ndarray, float, float] | None:
+) -> tuple[np.ndarray, float, float]:
     """Compare a journal's tilt in the configurations q (n, nq) of a run with the reduced model's.
 
     Returns:
         Direction of the journal's axis less that of the bearing's, world axes, (n, 3) [rad]; and
         the largest and the RMS difference of the reduced model's tilt, a vector, from it [rad].
-        None if the journal cannot tilt.
     """
-    clearance = mechanism.clearance.get(joint)
-    if clearance is None or clearance.hinge is None or not clearance.hinge.tilts:
-        return None
+    clearance = mechanism.clearance[joint]
     model, data = mechanism.model, mechanism.data
     full, axes = np.empty((len(q), 3)), np.empty((len(q), 3, 3))
     for i, row in enumerate(q):

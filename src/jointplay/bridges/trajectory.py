@@ -97,9 +97,9 @@ def message(motion: Trajectory) -> dict[str, Any]:
     }
 
 
-def of_motion(motion: Motion, interval: float = POINT_S) -> Trajectory:
-    """Trajectory of a reference motion at points `interval` apart [s], without efforts."""
-    count = max(round((motion.duration - motion.times[0]) / interval), 1) + 1
+def of_motion(motion: Motion) -> Trajectory:
+    """Trajectory of a reference motion at points `POINT_S` apart, without efforts."""
+    count = max(round((motion.duration - motion.times[0]) / POINT_S), 1) + 1
     time = np.linspace(float(motion.times[0]), motion.duration, count)
     position, velocity, _ = motion(time)
     return Trajectory(time, motion.joints, position, velocity, np.zeros((count, 0)))

@@ -44,12 +44,17 @@ def to_usd(mechanism: Mechanism, *reductions: Reduction) -> str:
         parent = "" if body.parent is None else body.parent.link
         joint = stage.joint(body, paths[parent], paths[body.link])
         per = 1.0 if body.slides else _PER_DEGREE
-        stage.physx(joint, "linear" if body.slides else "angular", body, per)
-        if body.stop is None:
-            stage.newton(joint, friction=body.friction, damping=body.damping * per)
-        else:
-            stiffness, damping = body.stop
-            stage.newton(joint, limitStiffness=stiffness * per, limitDamping=damping * per)
+        axis = "linear" if body.slides else "angular"
+        # https://docs.omniverse.nvidia.com/kit/docs/omni_physics/latest/dev_guide/joints/physx_joint_schema.html
+        stage.extend(
+            joint, f"PhysxJointAxisAPI:{axis}", f"physxJointAxis:{axis}",
+            staticFrictionEffort=body.friction, dynamicFrictionEffort=body.friction,
+            viscousFrictionCoefficient=body.damping * per,
+        )  # fmt: skip
+        newton = {"friction": body.friction, "damping": body.damping * per}
+        if body.stop is not None:
+            newton = {"limitStiffness": body.stop * per, "limitDamping": body.damping * per}
+        stage.extend(joint, "NewtonJointAPI", "newton", **newton)
     return str(stage.stage.GetRootLayer().ExportToString())
 
 
@@ -130,25 +135,9 @@ class _Stage:
             joint.CreateUpperLimitAttr(high * per)
         return joint.GetPrim()
 
-    def newton(self, prim: Any, **values: float) -> None:
-        """Set attributes of Newton's schema for joints."""
-        prim.AddAppliedSchema("NewtonJointAPI")
+    def extend(self, joint: Any, schema: str, prefix: str, **values: float) -> None:
+        """Apply a schema beyond UsdPhysics to a joint, and set its attributes ``prefix:name``."""
+        joint.AddAppliedSchema(schema)
         kind = self.sdf.ValueTypeNames.Float
         for name, value in values.items():
-            prim.CreateAttribute(f"newton:{name}", kind, custom=False).Set(float(value))
-
-    def physx(self, prim: Any, axis: str, body: Body, per: float) -> None:
-        """Set friction [N m or N] and damping, per degree where the joint turns, for PhysX.
-
-        https://docs.omniverse.nvidia.com/kit/docs/omni_physics/latest/dev_guide/joints/physx_joint_schema.html
-        """
-        prim.AddAppliedSchema(f"PhysxJointAxisAPI:{axis}")
-        values = {
-            "staticFrictionEffort": body.friction,
-            "dynamicFrictionEffort": body.friction,
-            "viscousFrictionCoefficient": body.damping * per,
-        }
-        kind = self.sdf.ValueTypeNames.Float
-        for name, value in values.items():
-            attribute = prim.CreateAttribute(f"physxJointAxis:{axis}:{name}", kind, custom=False)
-            attribute.Set(float(value))
+            joint.CreateAttribute(f"{prefix}:{name}", kind, custom=False).Set(float(value))

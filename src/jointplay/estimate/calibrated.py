@@ -1,4 +1,4 @@
-"""The answer of a calibration: what is known, as numbers, text and tables."""
+"""The answer of a calibration: estimates and models, as numbers, text and tables."""
 
 from __future__ import annotations
 
@@ -29,26 +29,26 @@ _NOT_DETERMINED = "not determined (other causes do the same, or nothing shows it
 
 @dataclass(frozen=True)
 class Calibration:
-    """What static poses say of the causes of errors; SI units."""
+    """Estimates of the causes of a robot's errors from static poses; SI units."""
 
     poses: StaticPoses
     steps: tuple[Step, ...]
     """All models that were tried, in order; the first has no causes but those always in it."""
     coefficients: tuple[Estimate, ...]
-    """Of the terms that were kept, but play, of which `play` has what is known; with all candidates
-    free."""
+    """Coefficients of the terms that were kept, except play; with all candidates free."""
     play: tuple[Estimate, ...]
-    """By the side of the load, of every joint; all candidates and everybody's play are free."""
+    """Play of every joint; all candidates and every joint's play are free."""
     folds: str
-    """What was held back, as reports say it."""
+    """Text of what was held back."""
     notes: tuple[str, ...] = ()
     effects: tuple[Estimate, ...] = ()
-    """What each term that was kept moves the tool by, RMS over the poses, beyond what other places
-    of base and tool would do [m]."""
+    """Effect of each kept term on the tool, RMS over the poses, beyond what other poses of base and
+    tool would do [m]."""
     full: Fitted | None = field(default=None, repr=False)
-    """With all candidates and everybody's play free, which `play` and `coefficients` are of."""
+    """The fit from which `play` and `coefficients` follow."""
 
     def step(self) -> Step:
+        """The selected model."""
         return [step for step in self.steps if step.kept][-1]
 
     @property
@@ -57,11 +57,12 @@ class Calibration:
 
     @property
     def kept(self) -> tuple[Term, ...]:
+        """Terms of the selected model."""
         return self.step().terms
 
     @property
     def kinds(self) -> dict[str, tuple[str, tuple[str, ...]]]:
-        """What was measured: unit and components by kind."""
+        """Kinds of measured numbers by name: unit and components."""
         return self.step().fitted.problem.kinds
 
     @property
@@ -70,26 +71,28 @@ class Calibration:
         return self.step().within
 
     def __getitem__(self, label: str) -> Estimate:
+        """The estimate of a coefficient that is not play, by its label."""
         return by_label(self.coefficients, label)
 
     def play_of(self, joint: str) -> Estimate:
-        """What is known of a joint's play by the side of its load."""
+        """The estimate of a joint's play."""
         for play in self.play:
             if play.joint == joint:
                 return play
         raise MissingName("joint", joint, [play.joint for play in self.play])
 
     def corrections(self) -> dict[str, pin.SE3]:
-        """By joint, where the kept model has its frame (`Fitted.corrections`).
+        """Poses of the joints' frames by the selected model in their nominal frames, by joint.
 
         `bridges.urdf.to_urdf` writes them into a URDF, whose tool is then where the model has it,
-        but for causes that depend on the pose or on loads.
+        except for causes that depend on the pose or on loads.
         """
         return self.step().fitted.corrections()
 
     def preset(self, robot: str | Path | None = None) -> Preset:
-        """The robot's joints with what is known: play and compliance as gears, and bearings, seats
-        and gears of the scenario with theirs.
+        """A preset of the robot's joints with the values that are known.
+
+        Play and compliance as gears; bearings, seats and gears of the scenario with their own.
 
         Args:
             robot: name or path of the robot; None: the file of its URDF.
@@ -110,13 +113,14 @@ class Calibration:
 
     @property
     def loops(self) -> tuple[Loop, ...]:
-        """Of each joint whose play was fitted: how far its load and the way it came turn it."""
+        """Loops of joints whose play was fitted: how far load and approach turn each."""
         order = {joint: k for k, joint in enumerate(self.poses.joints)}
         loops = () if self.full is None else self.full.loops()
         return tuple(sorted(loops, key=lambda loop: order[loop.joint]))
 
     @property
     def models(self) -> Table:
+        """Table of the models that were tried, with their errors."""
         columns = [
             tables.Column("model", [step.added for step in self.steps]),
             tables.Column("unknowns", [step.unknowns for step in self.steps]),
@@ -130,6 +134,7 @@ class Calibration:
 
     @property
     def sentence(self) -> str:
+        """The answer in one sentence."""
         step, kinds = self.step(), self.kinds
         sizes = zip(kinds.values(), step.held_back, strict=True)
         errors = " and ".join(readable(float(size), unit, 3) for (unit, _), size in sizes)
@@ -147,7 +152,7 @@ class Calibration:
         return tuple(sorted(estimates, key=lambda row: order.get(row.joint, len(order))))
 
     def brief(self) -> str:
-        """The estimates, without how they were found."""
+        """Text of the estimates, without the models."""
         return listed(self.estimates, vague=_NOT_DETERMINED)
 
     def __str__(self) -> str:
@@ -188,7 +193,7 @@ class Calibration:
 
     @property
     def residuals(self) -> Table:
-        """Errors of every pose, in training and held back."""
+        """Table of the selected model's errors in every pose, in training and held back."""
         count, group, point = len(self.poses), self.poses.group, self.poses.point
         columns = [
             tables.Column("row", range(1, count + 1)),

@@ -1,9 +1,10 @@
-"""What has changed between two measurements of the same machine.
+"""Changes of play between two measurements of the same machine.
 
-Both are one least squares: the play of the first is an unknown, and how the second differs from it.
-Compliances and friction are the machine's, the same in both but for a little that is stated
-(`SAME`); offsets, drift and whatever else belongs to a measurement is its own. What the model is
-off by it is off by both times alike, so a change is told earlier than a value.
+Both are solved as one least squares, whose unknowns are the plays of the first measurement and how
+those of the second differ. Compliances and friction belong to the machine: they are the same both
+times, but for a little that is stated (`SAME`). Offsets, drift and whatever else belongs to a
+measurement are separate. Errors of the model are the same both times and cancel, so a change is
+told earlier than a value.
 """
 
 from __future__ import annotations
@@ -16,43 +17,37 @@ import numpy as np
 
 from jointplay.base.errors import JointplayError
 from jointplay.base.tables import counted, few
-from jointplay.estimate.least_squares import Fit, LeastSquares, search
+from jointplay.estimate.least_squares import Fit, LeastSquares, first_guess, search
 from jointplay.estimate.unknowns import PLAYS, Answer, Estimate, Unknown
 
 SAME = {"friction": 0.3, "": 0.1}
-"""By how much friction, and all else but play, differs between measurements: standard deviations,
-as parts of their sizes. An assumption."""
+"""Standard deviations by which friction, and all else but play, differs between measurements, as
+parts of their scales: judged, and stated with every answer."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Changes(Answer):
-    """How plays of a machine changed from one measurement to another; SI units.
+    """Changes of a machine's plays from one measurement to another; SI units.
 
-    Estimates are of each play: its value in the second, and its change since the first.
+    There are two estimates of each play: its value in the second, and its change since the first.
     """
 
     @property
     def sentence(self) -> str:
         """The answer in plain words."""
-        known = [estimate for estimate in self.estimates if estimate.label.endswith(" change")]
-        known_changes = [estimate for estimate in known if estimate.known]
+        changes = [estimate for estimate in self.estimates if estimate.label.endswith(" change")]
+        known = [estimate for estimate in changes if estimate.known]
         sure = {
-            "grown": [
-                f"{estimate.joint} by {estimate.span}"
-                for estimate in known_changes
-                if estimate.low > 0.0
-            ],
+            "grown": [f"{change.joint} by {change.span}" for change in known if change.low > 0.0],
             "become less": [
-                f"{estimate.joint} by {estimate.span}"
-                for estimate in known_changes
-                if estimate.high < 0.0
+                f"{change.joint} by {change.span}" for change in known if change.high < 0.0
             ],
         }
         parts = [f"has {how} in {few(changed)}" for how, changed in sure.items() if changed]
-        unchanged = len(known_changes) - sum(map(len, sure.values()))
+        unchanged = len(known) - sum(map(len, sure.values()))
         if unchanged:
-            parts.append(f"may be as it was in {unchanged} of {counted(len(known), 'joint')}")
-        if untold := [estimate.joint for estimate in known if not estimate.known]:
+            parts.append(f"may be as it was in {unchanged} of {counted(len(changes), 'joint')}")
+        if untold := [change.joint for change in changes if not change.known]:
             parts.append(f"of {few(untold)} no change can be told")
         return f"Play {'; '.join(parts)}"
 
@@ -60,7 +55,7 @@ class Changes(Answer):
 def changes(
     first: Sequence[LeastSquares], second: Sequence[LeastSquares], progress: bool = False
 ) -> Changes:
-    """How plays changed from one measurement of a machine to another.
+    """Estimate how plays changed from one measurement of a machine to another.
 
     Args:
         first, second: least squares of each measurement; those with the same unknowns are compared.
@@ -80,7 +75,7 @@ def changes(
     for label in both:
         pair = before[label], after[label]
         fit = search(*_stacked(*pair), progress)
-        last = search(pair[1], _begin(pair[1].unknowns), progress)
+        last = search(pair[1], progress=progress)
         for j, i in enumerate(_plays(pair[1].unknowns)):
             estimates += [_estimate(last, i), _estimate(fit, len(pair[0].unknowns) + j)]
     once = [label for label in {**before, **after} if label not in both]
@@ -93,27 +88,22 @@ def changes(
 
 
 def _plays(unknowns: Sequence[Unknown]) -> list[int]:
+    """Indices of the unknowns that are plays."""
     return [i for i, unknown in enumerate(unknowns) if unknown.name in PLAYS]
 
 
-def _begin(unknowns: Sequence[Unknown]) -> np.ndarray:
-    """Where to start from: nominal values, or half of the scale."""
-    known = [np.isfinite(unknown.nominal) and unknown.nominal for unknown in unknowns]
-    halves = (0.5 * unknown.scale for unknown in unknowns)
-    return np.array([value or half for value, half in zip(known, halves, strict=True)])
-
-
 def _estimate(fit: Fit, i: int) -> Estimate:
+    """Estimate of the i-th unknown, with any finite interval: a change may be none."""
     half = float(fit.half_width[i])
     reason = "" if np.isfinite(half) else fit.why_not(i) or "nothing that was measured tells it"
     return Estimate(fit.least.unknowns[i], float(fit.theta[i]), half, reason)
 
 
 def _stacked(first: LeastSquares, second: LeastSquares) -> tuple[LeastSquares, np.ndarray]:
-    """Both measurements as one problem, and where to start from.
+    """Both measurements as one problem, and where its search begins.
 
-    Its unknowns are those of the first, then by what each play, and each other that is not known
-    exactly, differs in the second.
+    Its unknowns are those of the first, then the difference of the second in each play, and in each
+    other unknown that is not known exactly.
     """
     unknowns, (low, high) = first.unknowns, first.limits
     plays = _plays(unknowns)
@@ -141,7 +131,7 @@ def _stacked(first: LeastSquares, second: LeastSquares) -> tuple[LeastSquares, n
         return np.concatenate([of_first(theta[:p].tobytes()), second.predict(later)])
 
     def one_after_other(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-        """Numbers of groups that differ between measurements, (m,)."""
+        """Groups of both measurements, numbered so that none of the second is one of the first."""
         return np.concatenate([a, b + 1 + a.max(initial=0) - b.min(initial=0)])
 
     nuisance, spread = _nuisances(first, second)
@@ -162,12 +152,15 @@ def _stacked(first: LeastSquares, second: LeastSquares) -> tuple[LeastSquares, n
             for joint, softening in first.softening.items()
         },
     )
-    return stacked, np.concatenate([_begin(unknowns), np.zeros(len(at))])
+    return stacked, np.concatenate([first_guess(unknowns), np.zeros(len(at))])
 
 
 def _nuisances(first: LeastSquares, second: LeastSquares) -> tuple[np.ndarray, np.ndarray]:
-    """Effects (m, k) and spreads (k,): those of a measurement; what those of the machine, which
-    have labels, differ by; and these themselves."""
+    """Effects (m, k) and prior deviations (k,) of both measurements' nuisances.
+
+    First those of each measurement, which have no labels; then the differences in the second of
+    those of the machine, which have labels and are not free; last these themselves.
+    """
     if first.labels != second.labels:
         raise JointplayError("the measurements differ in what they measure: compare likes")
     m, n, count = len(first.measured), len(second.measured), len(first.labels)

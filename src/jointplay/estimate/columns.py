@@ -1,6 +1,6 @@
-"""Columns of tables that were measured: what each is called, its unit, its numbers in SI.
+"""Columns of measured tables: their names, units, and numbers in SI.
 
-A column is called ``tool x [mm]``: what it is, and its unit in brackets (or ``tool_x_mm``).
+A column is called ``tool x [mm]``: the signal, and its unit in brackets (or ``tool_x_mm``).
 """
 
 from __future__ import annotations
@@ -15,8 +15,9 @@ from jointplay.base.errors import JointplayError
 from jointplay.base.units import convert, plain_number, titled
 
 Key = tuple[str, str]
-"""``("tool", "x")``, ``("link", "elbow")``: kind of a signal, then its axis or joint."""
+"""A signal: its kind, then its axis or joint, as ``("tool", "x")``, ``("link", "elbow")``."""
 _MOTOR, _GOAL = "motor", "goal"
+"""Kinds of signal of a joint's motor: where it was, and where it was sent, which is not used."""
 _LARGEST = 1e12
 """Largest number in a measurement [SI]: times since 1970 have ten digits, all else has fewer."""
 
@@ -29,14 +30,15 @@ def read(
     labels: Collection[str] = (),
     gaps: Collection[str] = (),
 ) -> tuple[dict[Key, np.ndarray], dict[str, tuple[str, ...]]]:
-    """Numbers of a CSV file by what they are [SI], shape (n,) each, and texts by column.
+    """Read a CSV file: numbers by signal [SI], shape (n,) each, and texts by column.
 
     Args:
-        path: lines beginning with # are comments.
-        what, known: the file is, and which columns there may be, for messages.
-        meaning: what a column of this name is, and its unit in SI; None for nothing.
-        labels: columns of text.
-        gaps: kinds of column that may have empty cells, which are nan.
+        path: the file; lines beginning with # are comments.
+        kind: what the file is, for messages.
+        meaning: from the name of a column to its signal and SI unit; None: unknown.
+        known: text of the columns that there may be, for messages.
+        labels: names of columns of text.
+        gaps: kinds of signal that may have empty cells, which are nan.
 
     Raises:
         JointplayError: no such file; a column without unit, of an unknown name or given twice; a
@@ -89,7 +91,7 @@ def is_readings(path: str | Path) -> bool:
 
 
 def is_stairs(path: str | Path) -> bool:
-    """Whether a table of readings (`is_readings`) is one of moves, without forces."""
+    """Whether a table of readings (`is_readings`) is one of moves back and forth, without push."""
     titles = [
         cell.strip().partition(" ")[0] for cell in files.csv_rows(Path(path), "readings")[0][1]
     ]
@@ -103,7 +105,7 @@ def _check_titles(
     known: str,
     labels: Collection[str],
 ) -> None:
-    """Refuse columns without a unit, of an unknown one or name, all in one message."""
+    """Refuse columns of unknown name, or without a unit that fits, all in one message."""
     wrong, unknown = [], False
     for title in titles:
         if title in labels:
@@ -128,7 +130,7 @@ def _check_titles(
 
 
 def as_written(name: str, meaning: Callable[[str], tuple[Key, str] | None]) -> str:
-    """How a column that others call `name`, as in logs of LeRobot, is called here; or nothing."""
+    """Title here of a column that others call `name`, as in logs of LeRobot; empty if unknown."""
     if name.lower() in ("timestamp", "stamp", "t", "time"):
         return "'time [s]'" if meaning("time") else ""
     if (known := meaning(name)) is not None:
@@ -141,7 +143,7 @@ def as_written(name: str, meaning: Callable[[str], tuple[Key, str] | None]) -> s
 
 
 def split_title(title: str) -> tuple[str, str]:
-    """A column's name and unit, of ``tool x [mm]`` or ``tool_x_mm``; no unit if it has none."""
+    """Name and unit of a column called ``tool x [mm]`` or ``tool_x_mm``; the unit may be empty."""
     if (in_brackets := titled(title)) != (title, ""):
         return in_brackets
     name, _, unit = title.rpartition("_")
@@ -158,11 +160,15 @@ def meaning(
     of_joints: Mapping[str, tuple[str, str]],
     of_axes: Mapping[str, Mapping[str, str]],
 ) -> tuple[Key, str] | None:
-    """Which signal a column such as ``tool x``, ``elbow motor`` is, and the unit that it must fit.
+    """Signal and SI unit of a column such as ``tool x``, ``elbow motor``; None: unknown.
 
-    By the robot's `joints`, and whether each slides; by units of the kinds of signal of a joint
-    that turns and of one that slides, and by those of the axes of others. A joint alone, or its
-    ``position``, is where its motor is; its ``goal``, where it was sent, is known and not used.
+    A joint alone, or its ``position``, is its motor's position; its ``goal`` is known and not used.
+
+    Args:
+        name: of the column.
+        joints: the robot's joints, and whether each slides.
+        of_joints: units of a joint's kinds of signal, for one that turns and one that slides.
+        of_axes: units by axis of other kinds of signal.
     """
     joint = name.removesuffix(" position")
     if joint in joints:

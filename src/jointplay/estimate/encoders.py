@@ -1,8 +1,9 @@
-"""What the encoders before and behind a joint's gear differ by: play, compliance, or their errors.
+"""Differences between the encoders before and behind a joint's gear: play, compliance, errors.
 
-With both encoders a joint tells of itself, without any instrument outside: their difference over
-many static poses is compared with features of the joint's angle, of its load and of the way it
-came. A cause is kept only if it predicts poses better that the fit has not seen.
+With both encoders a joint is measured without any instrument outside: their difference over many
+static poses is fitted by features of the joint's angle, of its load and of the way it came. As in
+`calibration`, a cause is kept only if it predicts held-back poses better, and play is known if its
+interval excludes zero, too (`known`). The problem is linear.
 """
 
 from __future__ import annotations
@@ -34,22 +35,28 @@ CAUSES: tuple[tuple[str, ...], ...] = (
     ("ratio",), ("eccentricity",), ("eccentricity", "second-harmonic"), ("sawtooth",),
     ("compliance",), ("play",), ("hysteresis",),
 )  # fmt: skip
-"""Kinds of terms that are tried together."""
+"""Candidates: kinds of terms that are tried together."""
 _EXCLUSIVE = (
     ({"eccentricity", "second-harmonic"}, {"sawtooth"}),
     ({"ratio"}, {"sawtooth"}),  # which has a gain of its own
     ({"play"}, {"hysteresis"}),  # play with friction has the other in it
 )
+"""Kinds of terms that are not in one model together."""
 _WIDE = 100.0
 """Prior widths of effects, in standard deviations of the difference: so many that they say
 nothing."""
+_OTHER_RATIO = 0.5
+"""Part to which a wrong ratio must lower the held-back errors to be taken (judged: a right one
+leaves all of them, a wrong one a hundredth)."""
 _OF_ANGLES = ("eccentricity", "sawtooth")
+"""First kinds of the candidates that only joints which turn have."""
 _WORDS = {"compliance": "compliance (sag under its load)"}
+"""Texts of kinds whose names say too little."""
 
 
 @dataclass(frozen=True)
 class Difference(Problem):
-    """A joint's link encoder less its motor's."""
+    """Difference of a joint's encoders, link less motor, in n static poses."""
 
     linear: ClassVar[bool] = True
 
@@ -57,7 +64,7 @@ class Difference(Problem):
 
     @cached_property
     def off(self) -> np.ndarray:
-        """Link less motor, of full turns the nearest, shape (n,) [rad or m]."""
+        """Link less motor, reduced by full turns, shape (n,) [rad or m]."""
         j = self.poses.names.index(self.joint)
         off = self.poses.link[:, j] - self.poses.q[:, j]
         if self.poses.turns[j]:
@@ -95,14 +102,14 @@ def encoder_differences(
 ) -> tuple[Calibration, ...]:
     """Tell play, compliance and encoder errors apart by the two encoders of each joint.
 
-    As `calibrate`, but with the difference of a joint's encoders as what was measured, and each
-    pose held back; one result for each joint that has both.
+    As `calibrate`, but the measured numbers are the differences of a joint's encoders, and each
+    pose is held back; one result for each joint that has both.
 
     Args:
         mechanism: its gravity loads the joints.
-        poses: with encoders on both sides, in the order of approach.
+        poses: static poses with encoders on both sides, in the order of approach.
         payloads: bodies that the mechanism carried.
-        terms: candidates; of kinds that encoders do not show none; None: all of `CAUSES`.
+        terms: candidates; kinds that encoders do not show are ignored; None: all of `CAUSES`.
 
     Raises:
         JointplayError: no encoder on the links' side; see also `Poses`.
@@ -120,7 +127,7 @@ def encoder_differences(
 
 
 def _compared(poses: Poses, joint: str, terms: Sequence[Term] | None) -> Calibration | None:
-    """What explains a joint's difference; None where there is none, or too few poses."""
+    """Causes of a joint's difference; None where there is no difference, or too few poses."""
     j = poses.names.index(joint)
     # A pose that was approached from nowhere says nothing of friction: left out of everything, so
     # that all models are compared on the same poses.
@@ -151,6 +158,7 @@ def _compared(poses: Poses, joint: str, terms: Sequence[Term] | None) -> Calibra
     ]
 
     def may_be(now: Sequence[Term], added: Sequence[Term]) -> bool:
+        """Whether terms go together, and leave three poses more than coefficients."""
         terms = [*now, *added]
         kinds = {term.kind for term in terms}
         both = any(kinds & term and kinds & excluded for term, excluded in _EXCLUSIVE)
@@ -162,10 +170,9 @@ def _compared(poses: Poses, joint: str, terms: Sequence[Term] | None) -> Calibra
     step = fits.run("constant", (), candidates, may_be)
     ratio, begin = Term("ratio", (joint,), widths["ratio"]), len(fits.steps)
     if terms is not None and not {"ratio", "sawtooth"} & {term.kind for term in step.terms}:
+        # Nobody asked for a wrong ratio, but beside one nothing else could be told.
         error = fits.tried([*step.terms, ratio]).held_back[0]
-        # Beside a wrong ratio nothing else could be told: a right one leaves all, a wrong one a
-        # hundredth.
-        if error < 0.5 * step.held_back[0]:
+        if error < _OTHER_RATIO * step.held_back[0]:
             step = fits.run("constant, ratio", (ratio,), candidates, may_be)
             del fits.steps[:begin]
     if step.held_back[0] > 0.0:  # what priors are weighed against

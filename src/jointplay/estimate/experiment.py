@@ -1,8 +1,8 @@
-"""A run beside an experiment: measured curves against computed ones, column by column.
+"""Comparison of a run with an experiment: measured curves against computed ones.
 
 comparison = jp.estimate.beside_experiment(jp.Result.load("result.nc"), "measured.csv")
 
-The measurement is a CSV whose columns are called like what is computed, with their units:
+The measurement is a CSV file whose columns have the names of `curves`, with their units:
 ``time [s],slider acceleration [m/s^2],B force [N]``. The run is interpolated to its times.
 """
 
@@ -26,21 +26,22 @@ from jointplay.study.certification import further_runs
 from jointplay.study.ensemble import ensemble
 
 Curve = tuple[np.ndarray, np.ndarray, str]
-"""Times (n,) [s], values (n,) and their SI unit."""
+"""A curve: times (n,) [s], values (n,) and their SI unit."""
 
 BAND = (100.0 * (1.0 - CONFIDENCE), 100.0 * CONFIDENCE)
 """Percentiles of an ensemble's curves between which its band lies."""
 MOST_SHIFT = 0.25
-"""Part of the run's length by which a measurement is shifted at most when the shift is found
-(judged: two turns of a crank in a run of eight)."""
+"""Largest shift that is sought, as a part of the run's length (judged: two turns of a crank in a
+run of eight)."""
 _LEAST = 3
-"""Measured times within the run at least: a constant and a slope fit two."""
+"""Least number of measured times within the run: a constant and a slope fit two."""
 _SHIFTS = 2001
-"""Shifts that are tried, before the best is refined: of a signal of 100 periods 10 a period."""
+"""Number of shifts that are tried, before the best is refined: in a run of 400 periods, 10 to a
+period."""
 
 
 def curves(result: Result) -> dict[str, Curve]:
-    """What a run has that can be measured, by the name that a column has.
+    """Curves of a run that can be measured, by the name of a column.
 
     ``O``, ``O speed``, ``O acceleration`` of a coordinate, also by the link that a joint carries
     (``slider acceleration``); ``tool x``, ``tool speed x``, ``tool acceleration x``, also by the
@@ -97,13 +98,15 @@ class MeasuredCurve:
     name: str
     unit: str
     times: np.ndarray
-    """Of the run, (n,) [s]: the measured ones, shifted."""
+    """Times of the run, the measured ones shifted, (n,) [s]."""
     measured: np.ndarray
+    """Measured values, (n,) [SI]."""
     computed: np.ndarray
+    """Computed values, (n,) [SI]."""
     own_error: float
-    """RMS difference from a run with finer steps; nan if none was made."""
+    """RMS difference of the computed values from a run with finer steps [SI]."""
     band: tuple[np.ndarray, np.ndarray] | None = None
-    """Of an ensemble of perturbed starts, at each time."""
+    """Ends of the band of an ensemble of perturbed starts, (n,) each [SI]."""
 
     @property
     def difference(self) -> np.ndarray:
@@ -112,6 +115,7 @@ class MeasuredCurve:
 
     @property
     def rms(self) -> float:
+        """RMS difference [SI]."""
         return float(np.sqrt(np.mean(self.difference**2)))
 
     @property
@@ -122,7 +126,7 @@ class MeasuredCurve:
 
     @property
     def relative(self) -> float:
-        """RMS difference over the RMS of what was measured about its mean; nan of a constant."""
+        """RMS difference over the standard deviation of what was measured; nan of a constant."""
         spread = float(np.std(self.measured)) if np.ptp(self.measured) > 0.0 else math.nan
         return self.rms / spread
 
@@ -141,16 +145,17 @@ class ExperimentComparison:
 
     curves: tuple[MeasuredCurve, ...]
     shift: float
-    """Added to the measured times [s]."""
+    """Time that was added to the measured times [s]."""
     fitted: bool
-    """Whether the shift was found."""
+    """Whether the shift is the one that fits best, not a given one."""
     left_out: int
-    """Measured times outside the run."""
+    """Number of measured times outside the run."""
     hint: str = ""
-    """A shift that would fit much better, in words."""
+    """Text that names a shift which would fit much better."""
 
     @property
     def table(self) -> Table:
+        """Table with a row for each curve."""
         rows, units = self.curves, [displayed(curve.unit) for curve in self.curves]
         sizes = [factor for factor, _ in units]
 
@@ -175,7 +180,7 @@ class ExperimentComparison:
 
     @property
     def csv(self) -> str:
-        """All curves at the measured times, in SI."""
+        """Text of a CSV file of all curves at the measured times [SI]."""
         names, values = ["time [s]"], [self.curves[0].times]
         for curve in self.curves:
             unit = curve.unit.replace("*", " ")
@@ -213,13 +218,13 @@ def beside_experiment(
     jobs: int | None = None,
     progress: bool = False,
 ) -> ExperimentComparison:
-    """Measured curves beside those of a run.
+    """Compare measured curves with those of a run.
 
     Args:
         result: the run.
-        path: the CSV; see `curves` for what its columns may be called.
-        shift: is added to the measured times [s]; None finds that which fits all columns best.
-        runs: perturbed starts of which an ensemble's band is made; 0 makes none.
+        path: the CSV file; see `curves` for the names of its columns.
+        shift: time that is added to the measured times [s]; None: that which fits all columns best.
+        runs: number of perturbed starts of which an ensemble's band is made; 0: no band.
         jobs: processes for them; None takes one for each core.
         progress: show bars.
 
@@ -244,6 +249,8 @@ def beside_experiment(
             f"(shift {shift:g} s), and {_LEAST} are needed at least{hint}"
         )
     at = times[within] + shift
+    # The run's own error by a run with finer steps from the same start, and the band of perturbed
+    # starts: all are one ensemble, of which the curves alone are kept.
     keep = partial(_at_times, names=tuple(measured), at=at)
     finest = replace(further_runs(simulation, result)[-1].simulation, start=result.audit.start)
     starts = [replace(simulation, seed=seed, duration=end) for seed in range(runs)]
@@ -293,8 +300,10 @@ def _read(path: Path, known: dict[str, Curve]) -> tuple[np.ndarray, dict[str, np
 def _misfit(
     known: dict[str, Curve], times: np.ndarray, measured: dict[str, np.ndarray], shift: float
 ) -> float:
-    """Mean square difference of all columns, each relative to its variance; of half the times at
-    least."""
+    """Sum over the columns of the mean square difference, relative to the column's variance.
+
+    Infinite where less than half of the times lie within the run.
+    """
     total = 0.0
     for name, column in measured.items():
         own_times, values, _ = known[name]
@@ -335,7 +344,10 @@ def _hint(
     shift: float,
     best: float,
 ) -> str:
-    """That another shift would halve the misfit, as of a measurement with a clock of its own."""
+    """Text that another shift would halve the difference, as if the measurement had its own clock.
+
+    Empty if none would.
+    """
     now, then = (_misfit(known, times, measured, moved) for moved in (shift, best))
     if not math.sqrt(then) < 0.5 * math.sqrt(now):
         return ""
@@ -346,5 +358,6 @@ def _hint(
 
 
 def _at_times(result: Result, names: Sequence[str], at: np.ndarray) -> dict[str, np.ndarray]:
+    """Some curves of a run at given times, by name."""
     known = curves(result)
     return {name: np.interp(at, *known[name][:2]) for name in names}

@@ -1,4 +1,11 @@
-"""Clearances and friction from measurements: what was found, how well, and what was not."""
+"""Identification of play, friction and compliance from recordings (`identify`).
+
+1. The measurement is read, and cut into visits to places (`visits`).
+2. The machine's unknowns (`machine`) and the static model of the visits' means (`model`) are made;
+   nuisances are offsets, drift, lateness and compliances (`nuisances`).
+3. Least squares of the means gives values and intervals (`least_squares.search`).
+4. Each unknown is known, or there is a reason why not and perhaps advice (`known`, `reasons`).
+"""
 
 from __future__ import annotations
 
@@ -16,28 +23,18 @@ from jointplay.base.pairs import misread, pair, quantity
 from jointplay.base.schema import known_keywords, shortest
 from jointplay.base.tables import Table, few
 from jointplay.base.units import rounded
-from jointplay.estimate import measurement, planning
-from jointplay.estimate.least_squares import NULL, Fit, LeastSquares, basis, information, search
+from jointplay.estimate.known import LARGEST_SHARE
+from jointplay.estimate.least_squares import Fit, LeastSquares, basis, search
 from jointplay.estimate.machine import TOOL, Given, Machine, apply, compliances, preset_found
-from jointplay.estimate.measurement import Measurement, Observed, Visits
+from jointplay.estimate.measurement import READINGS, SHOWN, Measurement
 from jointplay.estimate.model import StaticModel
-from jointplay.estimate.nuisances import DEGREE, REFERENCES, nuisances
+from jointplay.estimate.nuisances import POLYNOMIAL_DEGREE, REFERENCES, nuisances
 from jointplay.estimate.parts import WOUND, Teeth, friction_of
+from jointplay.estimate.reasons import LEAST_ERROR, advice, reason
 from jointplay.estimate.recordings import Recording, is_recording
-from jointplay.estimate.unknowns import (
-    LARGEST_SHARE,
-    PLAYS,
-    ROUNDING,
-    Estimate,
-    Loop,
-    Unknown,
-    by_label,
-    data,
-    listed,
-    narrow,
-)
+from jointplay.estimate.unknowns import PLAYS, ROUNDING, Estimate, Loop, by_label, data, listed
+from jointplay.estimate.visits import Observed, Visits, cut_into_visits, pushes
 from jointplay.model.mechanism import Mechanism
-from jointplay.physics.joints import RollingBearing
 from jointplay.simulation.loads.drive import Drive, JointFriction, urdf_friction
 from jointplay.simulation.motion.reference import Motion
 from jointplay.simulation.simulation import Simulation
@@ -45,20 +42,18 @@ from jointplay.simulation.simulation import Simulation
 if TYPE_CHECKING:
     from jointplay.scenario.presets import Preset
 
-_LARGE = 3.0
-"""Times the records' scatter from which on residuals are said to be large (judged: of 38 arms of
-benchmarks/truth/identify.py with parts an interval misses the truth in 4 of 12 with more, and in 2
-of 26 with less)."""
-_FINEST = 1e-9
-"""Error of a mean below which none is taken, far below what instruments resolve: records of a
-simulation have none at all [m, rad, N m]."""
+_LARGE_EXCESS = 3.0
+"""RMS of residuals, by the records' scatter, from which on a note says that the model does not
+explain all (judged: of 38 arms of benchmarks/truth/identify.py with parts an interval misses the
+truth in 4 of 12 with more, and in 2 of 26 with less)."""
 _VAGUE = "its interval is wider than half of its value"
 
-# Why an unknown cannot be identified, and what would help: in words; how the machine gives way.
 
+def _elasticity(fit: Fit, model: StaticModel) -> tuple[Estimate, ...]:
+    """Estimates of each joint's compliances that are nuisances; that of the tool is a matrix.
 
-def elasticity(fit: Fit, model: StaticModel) -> tuple[Estimate, ...]:
-    """Each joint's compliances with what was found; the structure's at the tool is not a number."""
+    Each is known if half of its interval is at most `LARGEST_SHARE` of its value.
+    """
     problem = fit.least
     effect, residual = problem.effects(fit.theta), -problem.off(fit.theta)
     nuisance, estimates = problem.nuisance, []
@@ -67,7 +62,8 @@ def elasticity(fit: Fit, model: StaticModel) -> tuple[Estimate, ...]:
         if soft.label == TOOL or soft.label.endswith(" bush") or not soft.effect.any():
             continue
         reduced, k = problem.without([soft.label]), int(problem.elastic[soft.label][0])
-        # Beside the unknowns it is one more, with what was known of it before.
+        # Taken as one more unknown with its prior: the part of its effect that neither the other
+        # nuisances nor the unknowns make (theorem of Frisch, Waugh and Lovell).
         scaled = problem.rows(nuisance[:, k])
         column = np.append(reduced.project(scaled), 1.0 / soft.unknown.spread)
         span = basis(np.vstack([reduced.project(effect), np.zeros(effect.shape[1])]))
@@ -81,194 +77,53 @@ def elasticity(fit: Fit, model: StaticModel) -> tuple[Estimate, ...]:
     return tuple(estimates)
 
 
-def reason(i: int, fit: Fit, model: StaticModel) -> str:
-    """Why an unknown cannot be identified; empty if it can."""
-    if fit.known(i):
-        return _held_by_friction(i, fit)
-    if never := _never_loaded(fit.least.unknowns[i], model):
-        return never
-    if soft := _explained(i, fit, model.visits):
-        return soft
-    unknown = fit.least.unknowns[i]
-    plain = fit.shows(i) or unknown.name in WOUND
-    return fit.why_not(i) if plain else _without_effect(unknown, model)
-
-
-def _never_loaded(unknown: Unknown, model: StaticModel) -> str:
-    """That its load is not of a kind which would show an unknown, if so."""
-    bearing = model.mechanism.clearance.get(unknown.joint)
-    if unknown.name == "radial_clearance" and isinstance(bearing, RollingBearing):
-        if not model.reverses(unknown.joint):
-            return (
-                "not observable: its load never reverses at a place, so that its rings are pressed "
-                "together the same way; push the tool the other way, too"
-            )
-    elif unknown.name in WOUND[1:3]:
-        begins = model.mechanism.gears[unknown.joint].curve().torques[WOUND.index(unknown.name) - 1]
-        most = model.most_torque(unknown.joint)
-        if most < begins:
-            return (
-                f"not observable: its torque, at most {most:.3g} N m, does not reach the "
-                f"{begins:.3g} N m from which this stiffness holds"
-            )
-    return ""
-
-
-def _held_by_friction(i: int, fit: Fit) -> str:
-    """That an interval which begins at zero may be due to friction, if this is not identified.
-
-    A journal that friction holds does not move in wide play either: no play, and any play with
-    enough friction, leave the same means.
-    """
-    unknown = fit.least.unknowns[i]
-    if not unknown.name.endswith("clearance") or fit.theta[i] > fit.half_width[i]:
-        return ""
-    for k, friction in enumerate(fit.least.unknowns):
-        rubs = friction.joint == unknown.joint and friction.name == "friction" and friction.sought
-        if rubs and not fit.known(k):
-            return (
-                f"its interval begins at zero, and {friction.label}, which cannot be determined, "
-                "may hold the journal wherever it is: pass the places slowly, in both directions"
-            )
-    return ""
-
-
-def _explained(i: int, fit: Fit, visits: Visits) -> str:
-    """That elasticity explains what shows of an unknown as well, if it does."""
-    problem, unknown = fit.least, fit.least.unknowns[i]
-    if unknown.name in WOUND:
-        return ""
-    labels = [
-        *(candidate.label for candidate in problem.unknowns if candidate.name in WOUND),
-        *problem.elastic,
-    ]
-    effect = problem.effects(fit.theta)
-
-    def known(rigid: Collection[str]) -> bool:
-        columns = [
-            k for k, candidate in enumerate(problem.unknowns) if candidate.label not in rigid
-        ]
-        stiff = problem.without([label for label in rigid if label in problem.elastic])
-        covariance, null, _ = information(stiff.project(effect[:, columns]))
-        k = columns.index(i)
-        half = fit.wide(float(np.sqrt(covariance[k, k])) * unknown.scale)
-        return bool(null[k, k] <= NULL and narrow(unknown, fit.theta[i], half))
-
-    if not labels or not known(labels):
-        return ""
-    which = [label for label in labels if known([label])]
-    sizes = np.unique(measurement.pushes(visits.force), axis=0)
-    count = len(np.unique(np.round(np.linalg.norm(sizes, axis=1)))) - 1
-    text = few(which) if which else "of several parts at once"
-    return (
-        f"elasticity ({text}) explains the data equally well: pushes of {max(count, 0)} "
-        f"size{'s' * (count != 1)} are not enough here; push with others, or give the stiffness "
-        f"(--known-stiffness{f' of {which[0]}' if which else ''})"
-    )
-
-
-def _without_effect(unknown: Unknown, model: StaticModel) -> str:
-    visits = model.visits
-    if unknown.joint in visits.joints and unknown.name in ("friction", "gear_play", "dry_friction"):
-        directions = set(visits.direction[:, visits.joints.index(unknown.joint)].tolist()) - {0}
-        if len(directions) < 2:
-            return "not observable: the joint never reverses"
-        if unknown.name == "gear_play":
-            return "not observable: the load keeps the gear's teeth on one side"
-    if unknown.joint in model.levers and not model.levers[unknown.joint].any():
-        return "not observable: the joint does not move the tool"
-    if unknown.name in ("hysteresis", "lost_motion"):
-        return "not observable: its torque never rises and falls again at a place"
-    if unknown.name.endswith("compliance"):
-        return "not observable: nothing loads it in this direction, or always alike"
-    return "not observable: its load pushes the journal the same way at every visit of a place"
-
-
-def advice(
-    fit: Fit,
-    observed: Observed,
-    use: np.ndarray,
-    model: StaticModel,
-    reasons: Sequence[str],
-) -> tuple[str, ...]:
-    """Which further experiment or signal would identify what cannot be identified."""
-    problem, unknowns = fit.least, fit.least.unknowns
-    if not any(why and unknown.sought for why, unknown in zip(reasons, unknowns, strict=True)):
-        return ("",) * len(unknowns)
-    gives = [give.unknown.scale * problem.rows(give.effect[use]) for give in model.elastic]
-    rigid = problem.without(problem.elastic)
-    effect = rigid.project(np.column_stack([problem.effects(fit.theta), *gives]))
-    before = effect.T @ effect / max(fit.misfit, 1.0) ** 2 + planning.prior(unknowns, model)[0]
-    noise = dict(planning.NOISE)
-    for (kind, _), spread in zip(model.keys, observed.noise, strict=True):
-        noise[kind] = max(spread, _FINEST)
-    offers = planning.offers(model.machine, unknowns, model.keys, noise, fit.theta)
-    lines = []
-    widths = [[planning.half_widths(unknowns, before + x) for x in gains] for gains, _ in offers]
-    for i, (unknown, why) in enumerate(zip(unknowns, reasons, strict=True)):
-        if not why or not unknown.sought:
-            lines.append("")
-            continue
-        limit = unknown.widest(fit.theta[i])
-        # The best of the simplest kind that determines it, else of all.
-        least = [
-            min(zip((half[i] for half in halves), texts, strict=True))
-            for halves, (_, texts) in zip(widths, offers, strict=True)
-        ]
-        best, experiment = next((offer for offer in least if offer[0] <= limit), min(least))
-        if best <= limit:
-            lines.append(f"would determine it, to +- {unknown.shown(best)}: {experiment}")
-        elif best < 0.5 * fit.half_width[i] and best < 4.0 * limit:
-            times = int(np.ceil((best / limit) ** 2))
-            lines.append(f"would determine it if done about {times} times: {experiment}")
-        else:
-            lines.append("")
-    return tuple(lines)
-
-
 @dataclass(frozen=True)
 class Identification:
-    """What a measurement says of its unknowns; SI units."""
+    """Estimates from a recording, and how well the static model explains it; SI units."""
 
     estimates: tuple[Estimate, ...]
-    """Of all unknowns but compliances, those that are not sought too."""
+    """Estimates of all unknowns except compliances, also of those that are not sought."""
     mechanism: Mechanism
-    """With what was found; unknowns that cannot be identified as in the scenario."""
+    """The mechanism with the values that are known, the others as in the scenario."""
     visits: Visits
     observed: Observed
     error: np.ndarray
     """Standard errors of the means that counted, nan where none did, (n, keys) [SI]."""
     predicted: np.ndarray
-    """By the static model with what was found, offsets included, shape (n, keys) [SI]."""
+    """Means by the static model with the estimates, offsets included, shape (n, keys) [SI]."""
     nuisances: np.ndarray
-    """Effect of what is not sought, see `nuisances`, shape (n, keys, columns)."""
+    """Effect of the nuisances, see `nuisances`, shape (n, keys, columns)."""
     misfit: float
-    """RMS of the residuals, in standard errors, which are as large as the residuals demand."""
+    """RMS of the residuals in standard errors, which are as large as the residuals demand."""
     reference: str
+    """What is known of the tool's ideal place, of `REFERENCES`."""
     notes: tuple[str, ...]
+    """Assumptions, a line each."""
     measured: Measurement
     excess: float
-    """RMS of the residuals, by the scatter of the records alone."""
+    """RMS of the residuals over the scatter of the records alone."""
     elasticity: tuple[Estimate, ...] = ()
-    """Compliances of the joints that were accounted for."""
+    """Compliances of joints that are nuisances."""
     loops: tuple[Loop, ...] = ()
-    """Of the joints whose play is sought and shows in a signal, by the visits that counted."""
+    """Loops of joints whose play is sought and shows in a signal, by the visits that counted."""
 
     @property
     def sought(self) -> tuple[Estimate, ...]:
+        """Estimates of the unknowns that are asked for."""
         return tuple(estimate for estimate in self.estimates if estimate.unknown.sought)
 
     def __getitem__(self, label: str) -> Estimate:
+        """The estimate of an unknown, by its label such as ``"elbow radial clearance"``."""
         return by_label(self.estimates, label)
 
     def preset(
         self, robot: str | Path | None = None, simulation: Simulation | None = None
     ) -> Preset:
-        """The robot's joints with what was identified, for every command's ``--preset``.
+        """A preset of the robot's joints with the estimates, for every command's ``--preset``.
 
         Args:
             robot: name or path of the robot; None: the file of its URDF.
-            simulation: whose drives and friction it has, too.
+            simulation: a simulation whose drives and friction the preset has, too.
         """
         known = urdf_friction(self.mechanism)
         friction, tables = dict[str, JointFriction](), dict[str, Mapping[str, Any]]()
@@ -289,6 +144,7 @@ class Identification:
 
     @property
     def sentence(self) -> str:
+        """The answer in one sentence."""
         known = [
             f"{estimate.label} {estimate.cells()[0]}" for estimate in self.sought if estimate.known
         ]
@@ -310,15 +166,17 @@ class Identification:
             f"{self.excess:.2g} times what the records' scatter explains (RMS); errors and "
             "intervals are enlarged by what is over 1"
         )
-        if self.excess > _LARGE:
+        if self.excess > _LARGE_EXCESS:
             lines.append("note: the model does not explain all of it")
         return "\n".join(lines)
 
     @property
     def data(self) -> Table:
+        """Table with a row for each unknown that is sought [SI]."""
         return data(self.sought)
 
     def describe(self) -> dict[str, Any]:
+        """The answer as plain data [SI]."""
         return {
             "unknowns": [estimate.describe() for estimate in self.sought],
             "compliances": [estimate.describe() for estimate in self.elasticity],
@@ -329,12 +187,13 @@ class Identification:
 
 
 def read_stiffness(texts: Iterable[str]) -> dict[str, tuple[float, float]]:
-    """Stiffness by label and its relative standard deviation [SI], as `identify` takes them.
+    """Read stiffness by label with its relative standard deviation [SI], as `identify` takes them.
 
-    `texts`: each as ``elbow=1e5 N*m/rad``, ``elbow radial=2e8 N/m +- 20 %``, ``tool=inf``.
+    Args:
+        texts: each such as ``elbow=1e5 N*m/rad``, ``elbow radial=2e8 N/m +- 20 %``, ``tool=inf``.
 
     Raises:
-        JointplayError: one that does not read so, or has a unit of another kind.
+        JointplayError: a text that does not read so, or has a unit of another kind.
     """
     usage = '--known-stiffness PART=X or "PART=X +- Y %", such as "elbow=1e5 N*m/rad"'
     stiffness = {}
@@ -366,11 +225,11 @@ def identify(
     also: Sequence[str] = (),
     known: Sequence[str] = (),
     stiffness: Given | None = None,
-    drift: int = DEGREE,
+    drift: int = POLYNOMIAL_DEGREE,
     lag: float | None = None,
     progress: bool = False,
 ) -> Identification:
-    """Clearances, friction and play of gears from measured signals.
+    """Identify clearances, friction and play of gears from measured signals.
 
     Means over stops and slow stretches are compared with the static model, never single records.
 
@@ -382,15 +241,16 @@ def identify(
             (nothing, but the same at each visit), ``frame`` (all but where the tracker's frame
             lies), ``ideal`` (all: the geometry is calibrated).
         noise: standard deviation of a record by kind of signal [SI]; else from the records.
-        joint_friction: of joints besides their bearings'; None takes the simulation's or URDF's.
-        also: of `parts.ALSO`: dry ``friction`` behind all gears, not only those with some;
-            ``hysteresis`` likewise; ``stiffness`` of rolling elements, by that of their geometry,
-            and of each piece of a gear's curve.
+        joint_friction: friction of joints besides that of their bearings; None takes the
+            simulation's or URDF's.
+        also: further unknowns, of `parts.ALSO`: dry ``friction`` behind all gears, not only those
+            with some; ``hysteresis`` likewise; ``stiffness`` of rolling elements, as a factor of
+            that by their geometry, and of each piece of a gear's curve.
         known: labels or names of unknowns that are taken from the scenario.
         stiffness: what is known of the machine's stiffness, by label: ``"elbow torsional"`` (of its
             gear, if it has one), ``"elbow tilt"`` [N m/rad], ``"elbow radial"``, ``"elbow axial"``,
             ``"tool"`` [N/m], alone or with its relative standard deviation; ``inf`` is rigid, and
-            ``{"all": inf}`` are all but gears. What is not said is unknown.
+            ``{"all": inf}`` makes all but gears rigid. What is not given is unknown.
         drift: degree of the polynomial in time by which readings may drift; 0: they do not.
         lag: standard deviation of the time by which readings of the tool, and of links, may be late
             behind the motors' encoders [s]; 0: they are simultaneous; ``inf``: nothing is known.
@@ -401,7 +261,7 @@ def identify(
         JointplayError: bad data (see `Measurement`); loops; nothing has play; a motion that never
             reverses; fewer means than unknowns.
     """
-    problem, model, measured, observed, use, records, nuisance = _compared(
+    problem, model, measured, observed, use, records, nuisance = _comparison(
         machine, measured, motion=motion, reference=reference, noise=noise,
         joint_friction=joint_friction, also=also, known=known, stiffness=stiffness, drift=drift,
         lag=lag, progress=progress,
@@ -438,7 +298,7 @@ def identify(
         tuple(_assumptions(model, measured, observed, reference, drift)),
         measured,
         excess=float(np.sqrt(np.square(residual).sum() / fit.freedom)),
-        elasticity=elasticity(fit, model),
+        elasticity=_elasticity(fit, model),
         loops=tuple(_loops(model, fit.theta, error, observed.mean - predicted)),
     )
 
@@ -446,12 +306,12 @@ def identify(
 def identify_problem(
     machine: Simulation | Mechanism, measured: Measurement | Recording | str | Path, **options: Any
 ) -> LeastSquares:
-    """The least squares by which `identify`, with the same options, finds play; see `changes`."""
-    return _compared(machine, measured, **options).problem
+    """The least squares that `identify`, with the same options, solves; see `changes`."""
+    return _comparison(machine, measured, **options).problem
 
 
-class _Compared(NamedTuple):
-    """Means of a measurement and the static model of them."""
+class _Comparison(NamedTuple):
+    """Means of a measurement, the static model of them, and their least squares."""
 
     problem: LeastSquares
     model: StaticModel
@@ -462,9 +322,10 @@ class _Compared(NamedTuple):
     records: np.ndarray
     """Standard errors by the records, nan where none counts, (n, keys)."""
     nuisance: np.ndarray
+    """Effect of the nuisances, (n, keys, columns)."""
 
 
-def _compared(
+def _comparison(
     machine: Simulation | Mechanism,
     measured: Measurement | Recording | str | Path,
     *,
@@ -475,10 +336,11 @@ def _compared(
     also: Sequence[str] = (),
     known: Sequence[str] = (),
     stiffness: Given | None = None,
-    drift: int = DEGREE,
+    drift: int = POLYNOMIAL_DEGREE,
     lag: float | None = None,
     progress: bool = False,
-) -> _Compared:
+) -> _Comparison:
+    """Check the arguments of `identify`, read the measurement and state its least squares."""
     require_a("machine", machine, "Simulation", "Mechanism")
     if motion is not None:
         require_a("motion", motion, "Motion")
@@ -515,26 +377,28 @@ def _compared(
             "of a gear with play, or JOINT torque is needed in addition to the motors' encoders"
         )
     prior = Machine(mechanism, friction, compliances(mechanism, stiffness or {}))
-    visits, observed = measurement.visits(mechanism, measured, motion)
+    visits, observed = cut_into_visits(mechanism, measured, motion)
     kinds = [kind for kind, _ in observed.keys]
     torqued = [name for kind, name in observed.keys if kind == "torque"]
     stops = bool(visits.stopped.any()) and "tool" in kinds
     unknowns = prior.unknowns(torqued, stops, also, known, links)
     model = StaticModel(prior, visits, observed.keys, unknowns)
     use = np.isfinite(observed.mean) & model.certain[:, None]
-    _check(measured, model, use, reference)
-    smallest = [_FINEST + ROUNDING * np.nanmax(np.abs(row), initial=0.0) for row in observed.mean.T]
+    _require_two_ways(measured, model, use, reference)
+    smallest = [
+        LEAST_ERROR + ROUNDING * np.nanmax(np.abs(row), initial=0.0) for row in observed.mean.T
+    ]
     records = np.where(use, np.maximum(observed.error, smallest), np.nan)
     records = np.hypot(records, model.wander)
     nuisance, labels = nuisances(model, observed, reference, drift, measured.lag > 0.0)
     problem = _problem(model, observed.mean, records, nuisance, labels, measured.lag)
-    return _Compared(problem, model, measured, observed, use, records, nuisance)
+    return _Comparison(problem, model, measured, observed, use, records, nuisance)
 
 
 def _loops(
     model: StaticModel, theta: np.ndarray, error: np.ndarray, residual: np.ndarray
 ) -> Iterator[Loop]:
-    """Of each joint whose play is sought, by standard errors and what is left, (n, keys) each."""
+    """Loops of joints whose play is sought, by standard errors and residuals, (n, keys) each."""
     counted, visits = np.isfinite(error), model.visits
     size = np.where(counted, error, np.inf)
     at, residual = counted.any(axis=1), np.where(counted, residual, 0.0) / size
@@ -556,7 +420,7 @@ def _read(
     noise: Mapping[str, float] | None,
     progress: bool,
 ) -> Measurement:
-    """The measurement, of a file if it is one, with the noise that is given."""
+    """The measurement, read if it is a file or recording, with the noise that is given."""
     require_a("measured", measured, "Measurement", "Recording", "str", "Path")
     if not isinstance(measured, Measurement):
         entries = mechanism.description.joints
@@ -570,8 +434,10 @@ def _read(
     return replace(measured, noise={**measured.noise, **(noise or {})})
 
 
-def _check(measured: Measurement, model: StaticModel, use: np.ndarray, reference: str) -> None:
-    """Raise if no place is visited in two ways."""
+def _require_two_ways(
+    measured: Measurement, model: StaticModel, use: np.ndarray, reference: str
+) -> None:
+    """Refuse a measurement in which no place is visited in two ways, so that no play shows."""
     at, visits = use.any(axis=1), model.visits
     if not at.any():
         raise JointplayError(
@@ -596,16 +462,19 @@ def _problem(
     labels: Sequence[str],
     lag: float,
 ) -> LeastSquares:
-    """Least squares of the means that have an error, and of what was known before."""
+    """Least squares of the means that have an error, with the priors of the nuisances."""
     visits, use = model.visits, np.isfinite(error)
-    known = np.full(nuisance.shape[2], np.inf)
-    known[len(known) - len(labels) :] = [
+    # Columns are in the order of `nuisances`: lateness of each kind of reading, offsets and drift,
+    # of which nothing is known, and the compliances.
+    spread = np.full(nuisance.shape[2], np.inf)
+    spread[len(spread) - len(labels) :] = [
         soft.unknown.spread for soft in model.elastic for _ in range(soft.effect.shape[2])
     ]
     if lag:
-        known[: len({kind for kind, _ in model.keys if kind in measurement.READINGS})] = lag
+        spread[: len({kind for kind, _ in model.keys if kind in READINGS})] = lag
     kinds = [kind for kind, _ in model.keys]
-    loads = np.column_stack([visits.direction, visits.stopped, measurement.pushes(visits.force)])
+    # Means of a place, or of a way of loading, may be wrong together.
+    loads = np.column_stack([visits.direction, visits.stopped, pushes(visits.force)])
     _, load = np.unique(loads, axis=0, return_inverse=True)
     groups = [
         n[:, None] * len(kinds) + np.arange(len(kinds)) for n in (visits.cell, np.ravel(load))
@@ -617,7 +486,7 @@ def _problem(
         error[use],
         nuisance[use],
         tuple(labels),
-        known,
+        spread,
         tuple(group[use] for group in groups),
         np.broadcast_to([kinds.index(kind) for kind in kinds], use.shape)[use],
         softening={
@@ -637,7 +506,7 @@ _IDEAL = {
 def _assumptions(
     model: StaticModel, measured: Measurement, observed: Observed, reference: str, drift: int
 ) -> list[str]:
-    """All that was taken for granted, a line each."""
+    """Assumptions and notes of an identification, a line each."""
     machine = model.machine
     stated, weak = [], []
     sought = {unknown.label for unknown in model.elastic if unknown.label.endswith(" bush")}
@@ -673,7 +542,7 @@ def _assumptions(
     lines.append(f"assumed (--lag {lag:g}): readings of tool and links are {text}")
     deviations = []
     for (kind, name), spread in zip(observed.keys, observed.noise, strict=True):
-        unit = measurement.SHOWN[kind]
+        unit = SHOWN[kind]
         source = "given" if kind in measured.noise else "of the records"
         deviations.append(f"{kind} {name} {rounded(spread, unit, 3, True)} ({source})")
     lines.append(f"noise of a record (--noise): {', '.join(deviations)}")
@@ -694,6 +563,7 @@ def _assumptions(
 
 
 def _expectations(machine: Machine, sought: Collection[tuple[str, str]]) -> list[str]:
+    """Texts of values that are taken from the scenario, all but those that are sought."""
     mechanism = machine.mechanism
     rows: list[tuple[str, str, str]] = []
     for joint, bearing in mechanism.clearance.items():

@@ -1,12 +1,14 @@
-"""What static poses say of each coefficient and of every joint's play, beside all other causes.
+"""Inference after selection: intervals of coefficients and of every joint's play.
 
-All candidates and everybody's play are free: where one cause does what another does, the interval
-of neither rests on the other's absence. Intervals are those of that linearised fit, by the excess
-of held-back errors wider. They hold for every friction and transition of play that explains the
-poses nearly as well as the best: by a ratio of likelihoods, the other unknowns fitted anew.
-
-A play is known if its cause predicts held-back poses (`Selection`) and its interval excludes zero;
-else there is an upper bound, or the reason why there is none.
+1. All candidates and every joint's play are fitted together, so that where one cause does what
+   another does the interval of neither rests on the other's absence (`_full_model`).
+2. Friction and transition of play, which are not linear, are refined about the best of their table
+   (`_refined`).
+3. Intervals are those of the linearised fit, wider by the excess of held-back errors
+   (`half_widths`), and hold for all frictions and transitions that the likelihood ratio does not
+   reject, the other unknowns fitted anew (`_likelihood_region`).
+4. A play is known if its cause predicts held-back poses (`Selection`) and its interval excludes
+   zero (`known`); else there is an upper bound and the reason.
 """
 
 from __future__ import annotations
@@ -20,38 +22,33 @@ import numpy as np
 from scipy.stats import chi2
 
 from jointplay.estimate.kinematic_model import FRICTIONS, TRANSITIONS, Column, Term
+from jointplay.estimate.known import excludes_zero
 from jointplay.estimate.pose_problem import Fitted
 from jointplay.estimate.selection import Selection, Step
-from jointplay.estimate.unknowns import (
-    CONFIDENCE,
-    MINOR,
-    MISJUDGED,
-    TWO_SIDED,
-    Estimate,
-    excludes_zero,
-)
+from jointplay.estimate.unknowns import CONFIDENCE, EXPECTATION_FACTOR, MINOR, TWO_SIDED, Estimate
 
-SMOOTHINGS = (1.0 / MISJUDGED, 1.0, MISJUDGED)
-"""Times a transition that is given, for which a bound must hold."""
+SMOOTHINGS = (1.0 / EXPECTATION_FACTOR, 1.0, EXPECTATION_FACTOR)
+"""Factors of a given transition for which a bound must hold: it is as uncertain as all that is
+expected (`EXPECTATION_FACTOR`)."""
 _HALVINGS = 5
-"""Most halvings of the steps between frictions and transitions. Measured on 49 random robots
-(benchmarks/truth/calibrate.py): with none 8 of 36 intervals of play and 4 of 103 of gear compliance
-missed the truth, with five 1 and 1, before the table's own region was added."""
+"""Most halvings of the steps between frictions and transitions (measured on 49 random robots,
+benchmarks/truth/calibrate.py: with none 8 of 36 intervals of play and 4 of 103 of gear compliance
+missed the truth, with five 1 and 1, before the table's own region was added)."""
 
 
 class Inference(NamedTuple):
-    """What is known with all candidates and everybody's play free."""
+    """Estimates with all candidates and every joint's play free."""
 
     coefficients: tuple[Estimate, ...]
-    """Of the terms that were kept, but play."""
+    """Coefficients of the terms that were kept, except play."""
     play: tuple[Estimate, ...]
-    """Of every joint."""
+    """Play of every joint."""
     full: Fitted
-    """The fit that these are of."""
+    """The fit of all candidates and plays, from which both follow."""
 
 
 def infer(selection: Selection, selected: Step, candidates: Sequence[Term]) -> Inference:
-    """What is known of the coefficients of the model that was kept, and of every joint's play."""
+    """Estimates of the selected model's coefficients, and of every joint's play."""
     table, chosen = selection.fit(_full_model(selection, selected, candidates), selection.rows)
     full = _refined(selection, table, chosen)
     ends, plays = _likelihood_region(selection, full)
@@ -74,37 +71,43 @@ def infer(selection: Selection, selected: Step, candidates: Sequence[Term]) -> I
             )  # fmt: skip
     predictive = {c.joint for c in selected.fitted.problem.columns if c.term.kind == "play"}
     number = {c.joint: i for i, c in enumerate(full.problem.columns) if c.term.kind == "play"}
-    play = [
-        _play(selection, full, number[joint], plays, joint in predictive)
-        if joint in number else _unloaded(selection, joint)
-        for joint in selection.joints
-    ]  # fmt: skip
+    play = []
+    for joint in selection.joints:
+        if joint in number:
+            play.append(_play(selection, full, number[joint], plays, joint in predictive))
+        else:
+            (column,) = selection.base.poses.columns(Term("play", (joint,)))
+            reason = "gravity does not load this joint"
+            play.append(Estimate(column.unknown, 0.0, reason=reason, bounded=True))
     return Inference(tuple(coefficients), tuple(play), full)
 
 
 def half_widths(selection: Selection, fitted: Fitted) -> tuple[np.ndarray, np.ndarray]:
-    """Of 95 % intervals, and of one-sided 95 % bounds, of all unknowns, (p,) each [SI]."""
+    """Half widths of 95 % intervals, and of one-sided 95 % bounds, of all unknowns, (p,) each [SI].
+
+    As large as held-back errors demand.
+    """
     two_sided, one_sided = map(fitted.half_widths, (TWO_SIDED, CONFIDENCE))
     return selection.excess * two_sided, selection.excess * one_sided
 
 
 def _full_model(selection: Selection, selected: Step, candidates: Sequence[Term]) -> list[Term]:
-    """Everything that may be a cause, play last."""
+    """All selected terms and candidates, then play of every joint that gravity loads."""
     poses = selection.base.poses
     terms = [*selected.terms, *(term for term in candidates if term not in selected.terms)]
     plays = [term for term in terms if term.kind == "play"]
     named = {column.joint for term in plays for column in poses.columns(term)}
     unnamed = tuple(n for n in selection.joints if n not in named and poses.loaded(n))
-    loaded = [term for term in terms if term.kind != "play"]
-    return [*loaded, *plays, *([Term("play", unnamed)] if unnamed else [])]
+    others = [term for term in terms if term.kind != "play"]
+    return [*others, *plays, *([Term("play", unnamed)] if unnamed else [])]
 
 
 def _refined(selection: Selection, full: Fitted, chosen: Mapping[int, int]) -> Fitted:
-    """The fit with frictions and transitions of play between those of the table.
+    """Refine frictions and transitions of play between those of the table.
 
-    Where poses are precise the best of a table is a bad one, and its interval too narrow: so steps
-    about the best are halved as long as that explains the poses better by a standard error. The
-    columns then have the tables that were looked at as their options.
+    Where poses are precise the best of a table fits badly, and its interval is too narrow: so the
+    steps about the best are halved as long as the cost falls by more than one squared standard
+    error. The columns then have all that was tried as their options.
     """
     sought = [i for i in chosen if full.problem.columns[i].term.kind == "play"]
     best = {i: full.problem.columns[i].choices[k] for i, k in chosen.items() if i in sought}
@@ -137,8 +140,8 @@ def _refined(selection: Selection, full: Fitted, chosen: Mapping[int, int]) -> F
 def _about(
     selection: Selection, column: Column, best: tuple[float, ...], halved: int
 ) -> list[tuple[float, ...]]:
-    """Frictions and transitions about the best ones of a play, by steps that were halved so often;
-    those that are given stay as they are [N m]."""
+    """Pairs of friction and transition about the best of a play, by steps that were `halved` so
+    often [N m]; what is given stays as it is."""
     term, friction, transition = column.term, *best
     largest = float(np.abs(selection.base.poses.load[:, column.index]).max())
     steps = np.array([-1.0, -0.5, 0.0, 0.5, 1.0]) / 2.0**halved
@@ -157,12 +160,17 @@ def _about(
 def _likelihood_region(
     selection: Selection, full: Fitted
 ) -> tuple[np.ndarray, dict[int, np.ndarray]]:
-    """Over all frictions and transitions of play, two unknowns, that are not worse by more than
-    chi-square's quantile, each to first order from the best: the least and the largest value of
-    each unknown, (2, p), for other causes stand in for play; and values of the play by its column's
-    number."""
+    """Values over all frictions and transitions of play that a likelihood ratio does not reject.
+
+    By the theorem of Wilks: the cost of friction and transition, two unknowns, may exceed the least
+    by the quantile of chi-square with two degrees of freedom. All unknowns follow to first order.
+
+    Returns:
+        Least and largest value of each unknown, (2, p): other causes make up for play; and the
+        values of each play, by the number of its column.
+    """
     ends, plays = np.stack([full.theta, full.theta]), dict[int, np.ndarray]()
-    allowed = chi2.ppf(CONFIDENCE, 2) * (selection.excess * full.stretch) ** 2  # Wilks
+    allowed = chi2.ppf(CONFIDENCE, 2) * (selection.excess * full.stretch) ** 2
     for i, column in enumerate(full.problem.columns):
         if column.options is not None and column.term.kind == "play":
             gains, values, theta = selection.gains(full.problem, i, full.theta, selection.rows)
@@ -176,7 +184,7 @@ def _likelihood_region(
 def _play(
     selection: Selection, full: Fitted, i: int, plays: dict[int, np.ndarray], predictive: bool
 ) -> Estimate:
-    """Of the joint of the i-th column, which predicts held-back poses or not."""
+    """Estimate of the play of the i-th column; `predictive`: it predicts held-back poses."""
     k, column, value = len(selection.start) + i, full.problem.columns[i], full.coefficients[i]
     two_sided, one_sided = half_widths(selection, full)
     half, side, value = two_sided[k], one_sided[k], float(value)
@@ -188,21 +196,15 @@ def _play(
         upper = max(upper, max(high - half, 0.0) + side)
     else:
         upper = max(upper, _smoothed(selection, full, i))
-    known = excludes_zero(low, predictive)
+    known = predictive and excludes_zero(low)
     reason = "" if known else _why_not(full, i)
     return Estimate(
         column.unknown, value, reason=reason, ends=(low, high), upper=upper, bounded=not known
     )
 
 
-def _unloaded(selection: Selection, joint: str) -> Estimate:
-    (column,) = selection.base.poses.columns(Term("play", (joint,)))
-    reason = "gravity does not load this joint"
-    return Estimate(column.unknown, 0.0, reason=reason, bounded=True)
-
-
 def _smoothed(selection: Selection, full: Fitted, i: int) -> float:
-    """The largest bound over other transitions of this joint's play, that are given."""
+    """Largest upper bound of a play over the transitions that may be meant by a given one."""
     columns, largest = list(full.problem.columns), 0.0
     column = columns[i]
     friction, transition = column.term.friction or 0.0, column.term.transition or 0.0
@@ -217,7 +219,7 @@ def _smoothed(selection: Selection, full: Fitted, i: int) -> float:
 
 
 def _why_not(fitted: Fitted, i: int) -> str:
-    """Why a joint's play cannot be told; empty if it can."""
+    """Why the play of the i-th column cannot be told; empty if nothing speaks against it."""
     poses, column = fitted.problem.poses, fitted.problem.columns[i]
     load = poses.load[:, column.index]
     largest, friction = np.abs(load).max(), column.term.friction
@@ -230,6 +232,7 @@ def _why_not(fitted: Fitted, i: int) -> str:
     transition = column.term.transition or TRANSITIONS[0] * largest
     side = np.round(poses.leaning(column.joint, 0.0, transition))
     rarer = int(min((side > 0).sum(), (side < 0).sum()))
+    # It is not known in any case; this only chooses the words.
     if rarer < max((1.0 - CONFIDENCE) * len(side), 2.0):
         times = "never" if not rarer else f"in only {rarer} of {len(side)} poses"
         return f"its load is on the other side {times}"
@@ -237,7 +240,7 @@ def _why_not(fitted: Fitted, i: int) -> str:
 
 
 def notes(selection: Selection, selected: Step) -> list[str]:
-    """What must be said of the model that was kept."""
+    """Notes on the selected model: errors that it does not explain, and chosen features."""
     lines = []
     if selection.excess > 1.0 + MINOR:
         lines.append(

@@ -1,8 +1,9 @@
-"""Kinematics with errors of joints and placements, which may have many causes.
+"""Kinematics of a robot whose joints and placements err, by causes that are features of the pose.
 
-Every error is a column: a coordinate or a placement of a joint errs by a feature of the pose times
-an unknown coefficient, which has a prior: normal about zero with a width of its physical size. So
-few poses cannot blow a coefficient up, and what the poses do not tell stays within its prior.
+A cause is a `Term` of some joints (`TERM_KINDS`). In each joint it gives columns (`Column`): the
+joint's coordinate or its placement errs by a feature of the pose times an unknown coefficient. The
+coefficient has a normal prior about zero with a width of its physical size, so that few poses
+cannot blow it up, and one that the poses do not tell stays within its prior.
 """
 
 from __future__ import annotations
@@ -30,22 +31,23 @@ if TYPE_CHECKING:
     from jointplay.model.payload import Payload
 
 PLACEMENT = "xyzabc"
-"""What may err of a joint's placement: translations along the axes of its frame, then rotations
-about them."""
+"""Components of a joint's placement that may err: translations along the axes of its frame, then
+rotations about them."""
 COORDINATE = len(PLACEMENT)
-"""Number of a joint's own coordinate among what may err, behind its placement."""
+"""Number of a joint's own coordinate among the components that may err, behind its placement."""
 _LOOSE_M = 2e-5
-"""Internal clearance of a rolling bearing that is large: ISO 5753, class C3 at 30 mm [m]."""
+"""Large internal clearance of a rolling bearing: ISO 5753, class C3 at 30 mm [m]."""
 FRICTIONS = tuple(step / 20.0 for step in range(15))
 TRANSITIONS = (0.02, 0.03, 0.045, 0.07, 0.1, 0.15, 0.22, 0.33, 0.5, 0.7)
-"""Of play, over the largest load of the joint, where they are sought: equal steps, and factors of
-about 1.5, from which the best is chosen, which `inference` then refines. Steeper than the first
-transition is a jump between two of fifty poses, wider than the last nearly a compliance (judged).
-With tables half as fine 2 of 42 intervals of play missed instead of none of 43
+"""Frictions and transitions of play that are tried, as parts of the largest load of the joint:
+equal steps, and factors of about 1.5; the best is then refined by `inference`. Steeper than the
+first transition is a jump between two of fifty poses, wider than the last nearly a compliance
+(judged). With tables half as fine 2 of 42 intervals of play missed instead of none of 43
 (benchmarks/truth/calibrate.py, 40 robots)."""
 _TURN_WIDTH = 2.5
-"""Prior width of a placement's angles over that of its lengths: these over a reach of 0.4 m
-[rad/m]."""
+"""Prior width of a placement's angles over that of its lengths: lengths over a reach of 0.4 m
+[rad/m] (judged: with 5 three angles more are known of 6 robots of benchmarks/truth/calibrate.py,
+and all intervals hold)."""
 
 
 @known_keywords
@@ -59,20 +61,21 @@ class Term:
     """
 
     kind: str
+    """Key of `TERM_KINDS`."""
     joints: tuple[str, ...] = ()
-    """Those that it concerns; if empty, all."""
+    """Joints that it concerns; if empty, all."""
     width: float | Mapping[str, float] | None = None
-    """Standard deviation of the prior, of all joints or by joint; that of `TERM_KINDS` if None. Of
+    """Standard deviation of the prior, of all joints or by joint; that of `TERM_KINDS` if None. For
     a placement, that of its lengths [m]; angles have 2.5 rad/m times as much."""
     friction: float | None = None
-    """Of play: what holds the joint against its load [N m]; sought if None."""
+    """For play: friction that holds the joint against its load [N m]; sought if None."""
     transition: float | None = None
-    """Of play: load over which the joint crosses half of its play [N m]; sought if None."""
+    """For play: load over which the joint crosses half of its play [N m]; sought if None."""
     by: str = ""
-    """Of a rail: the joint whose position it depends on."""
+    """For a rail: the joint whose position it depends on."""
     axes: str = ""
-    """Of a placement: which of the letters x, y, z (lengths) and a, b, c (angles about x, y, z);
-    if empty, all but those that do what the joint's own offset does."""
+    """For a placement: some of the letters x, y, z (lengths) and a, b, c (angles about x, y, z);
+    if empty, all except those that do what the joint's own offset does."""
 
     def __post_init__(self) -> None:
         require_known("kind of term", self.kind, TERM_KINDS)
@@ -106,7 +109,7 @@ class Term:
 
     @property
     def short(self) -> str:
-        """For tables: of more than two joints only how many."""
+        """Text for tables, which only counts more than two joints."""
         if len(self.joints) < 3:
             return str(self)
         return f"{self.kind} ({counted(len(self.joints), 'joint')})" + (
@@ -122,26 +125,28 @@ PARTS = {
     "bearing clearance": "radial_clearance",
     **{f"seat {way} compliance": f"{way}_compliance" for way in SPRINGS},
 }
-"""Coefficients that are a part's own unknown, as `identify` calls it."""
+"""Names of coefficients that are the unknown of a part, as `identify` calls it (`parts`)."""
 
 
 @dataclass(frozen=True)
 class Column:
-    """One coefficient: what of a joint errs, by which feature of the poses."""
+    """A coefficient, and how one component of a joint errs by it in n poses."""
 
     term: Term
     unknown: Unknown
+    """The coefficient, with its prior."""
     index: int
+    """Number of the joint in the chain."""
     target: int
-    """0 to 5 of its placement, or `COORDINATE`."""
+    """Component that errs: 0 to 5 of the joint's placement, or `COORDINATE`."""
     feature: np.ndarray
-    """Shape (n,); zero as long as it has to be chosen."""
+    """Error by a coefficient of one, shape (n,); zero as long as it has to be chosen."""
     choices: Sequence[tuple[float, ...]] = ()
-    """What the feature may depend on, k of them, if it has to be chosen."""
+    """Parameters of which the feature depends, k sets, if it has to be chosen."""
     options: np.ndarray | None = None
-    """The features by these, shape (n, k)."""
+    """Features by these, shape (n, k)."""
     moves: np.ndarray | None = None
-    """How its placement errs by a coefficient of one, instead of `target`, (n, 6) [m, rad]."""
+    """Error of the placement by a coefficient of one, in place of `target`, (n, 6) [m, rad]."""
 
     @property
     def joint(self) -> str:
@@ -149,10 +154,18 @@ class Column:
 
 
 class Poses:
-    """Static poses of the joints that carry a tool, with what the terms need of them.
+    """n static poses of the chain of j joints that carries the tool, with loads and approaches.
 
     Pinocchio gives placements and axes; products along the chain are taken for all n poses at once,
     because placements that depend on the pose (rail, suspension) are no part of a Pinocchio model.
+
+    Attributes:
+        names: joints of the chain; `known` those whose positions were measured.
+        q: coordinates, shape (n, j) [rad or m].
+        load, wrench: torque of gravity along each joint's axis, (n, j), or the given one, and force
+            and moment on it in the frame of its placement, (n, j, 6) [N m, N].
+        approach: direction from which each joint came, -1, 0 (unknown) or 1, (n, j).
+        link: positions by encoders behind the gears, nan where there is none, (n, j).
 
     Raises:
         JointplayError: a mechanism with loops; a joint with several coordinates; none of the joints
@@ -209,7 +222,7 @@ class Poses:
     def forward(
         self, q: np.ndarray, shift: np.ndarray | None
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Where the last joint's body is.
+        """Forward kinematics with errors of placements.
 
         Args:
             q: the chain's coordinates, shape (n, j).
@@ -217,8 +230,8 @@ class Poses:
                 shape (n, j, 6) [m, rad].
 
         Returns:
-            Rotations (n, 3, 3) and origins (n, 3) of the body; axes (j, n, 3) and origins (j, n, 3)
-            of the joints; frames before the joints turn (j, n, 3, 3).
+            Rotations (n, 3, 3) and origins (n, 3) of the last body; axes (j, n, 3) and origins
+            (j, n, 3) of the joints; frames before the joints turn (j, n, 3, 3).
         """
         n = len(q)
         rotation, place = np.tile(np.eye(3), (n, 1, 1)), np.zeros((n, 3))
@@ -243,6 +256,11 @@ class Poses:
         return len(self.q)
 
     def columns(self, term: Term) -> list[Column]:
+        """Columns of a term in the joints that it concerns.
+
+        Raises:
+            JointplayError: a joint that does not move the tool, or lacks what the term needs.
+        """
         kind, columns = TERM_KINDS[term.kind], []
         joints = self.known if term.kind not in ("placement", "suspension") else self.names
         for joint in term.joints or joints:
@@ -279,7 +297,7 @@ class Poses:
         return columns
 
     def _having(self, term: Term, joints: Sequence[str]) -> str:
-        """Which joints have the part that a term needs, in words."""
+        """Text that names the joints which have the part that a term needs."""
         kind = TERM_KINDS[term.kind]
         if not kind.part:
             return ""
@@ -304,9 +322,9 @@ class Poses:
     def leaning(
         self, joint: str, friction: float | np.ndarray, transition: float | np.ndarray
     ) -> np.ndarray:
-        """Side on which a joint with play and friction leans, -1 to 1, shape (n,).
+        """Side to which a joint with play and friction leans, -1 to 1, shape (n,).
 
-        The load pushes it to one side; friction holds it back against the way it came. Of k
+        The load pushes it to one side; friction holds it back against the way it came. For k
         frictions and transitions the shape is (n, k).
         """
         j, width = self.names.index(joint), np.maximum(transition, TINY)
@@ -316,42 +334,44 @@ class Poses:
 
 
 class Feature(NamedTuple):
-    """What of a joint errs, and by which feature of the poses."""
+    """A feature of n poses, by which a component of a joint errs; a `Column` without its term."""
 
     values: np.ndarray
-    """Shape (n,), or (n, k) for k choices."""
+    """Error by a coefficient of one, shape (n,), or (n, k) for k choices."""
     coefficient: str = ""
-    """Which of the term's coefficients it is."""
+    """Name of the coefficient, where its term has several."""
     unit: str = "own"
-    """SI; ``own``: of the joint, ``soft``: of its compliance."""
+    """Unit of the coefficient, SI; ``own``: of the joint, ``soft``: of its compliance."""
     target: int = COORDINATE
-    """0 to 5 of the joint's placement, or `COORDINATE`."""
+    """Component that errs: 0 to 5 of the joint's placement, or `COORDINATE`."""
     choices: Sequence[tuple[float, ...]] = ()
-    """By which values differ: of play friction and transition [N m], of a jump its place."""
+    """Parameters of the k choices: of play friction and transition [N m], of a jump its place."""
     expected: float = 1.0
-    """Factor of the kind's width: what of the scenario's part it is a part of [SI]."""
+    """Factor of the kind's width: the expected value, where the coefficient is a part's [SI]."""
     moves: np.ndarray | None = None
-    """See `Column`."""
+    """Error of the placement, see `Column`."""
 
 
 @dataclass(frozen=True)
 class TermKind:
-    """A kind of terms: what of a joint errs, by which features of the poses."""
+    """A kind of term: a cause of errors, and its features in a joint."""
 
     meaning: str
     width: float
-    """Of the prior [SI: rad, m, rad/(N m), ...]."""
+    """Width of the prior [SI: rad, m, rad/(N m), ...]."""
     features: Callable[[Poses, Term, int, bool], list[Feature]]
-    """Of a joint, by its number in the chain, and whether it was asked for by its name."""
+    """Features of a joint, by its number in the chain and whether it was asked for by name."""
     by_load: bool = False
     """Whether only joints that gravity loads have it, unless others are asked for."""
     absent: str = ""
-    """Why a joint that was asked for has none, behind its name."""
+    """Why a joint that was asked for has none, as a text behind its name."""
     part: str = ""
-    """Part of a joint in the scenario that it needs, in words."""
+    """Name of the scenario's part that a joint needs for it."""
 
 
 def _waves(turns: float) -> Callable[[Poses, Term, int, bool], list[Feature]]:
+    """Sine and cosine of a multiple of a joint's angle."""
+
     def features(poses: Poses, term: Term, j: int, required: bool) -> list[Feature]:
         angle = turns * poses.q[:, j]
         waves = [Feature(np.sin(angle), "sin"), Feature(np.cos(angle), "cos")]
@@ -361,6 +381,7 @@ def _waves(turns: float) -> Callable[[Poses, Term, int, bool], list[Feature]]:
 
 
 def _sawtooth(poses: Poses, term: Term, j: int, required: bool) -> list[Feature]:
+    """A gain, and a jump at one place between two poses."""
     q = poses.q[:, j]
     order = np.sort(q)
     places = [(float(place),) for place in (0.5 * (order[1:] + order[:-1]))[1:-1]]
@@ -370,6 +391,7 @@ def _sawtooth(poses: Poses, term: Term, j: int, required: bool) -> list[Feature]
 
 
 def _leaning(poses: Poses, term: Term, j: int, required: bool) -> list[Feature]:
+    """Side to which play leans, by half of it; friction and transition are chosen if not given."""
     largest = float(np.abs(poses.load[:, j]).max())
     frictions = [f * largest for f in FRICTIONS] if poses.measured.ordered else [0.0]
     frictions = frictions if term.friction is None else [term.friction]
@@ -381,11 +403,13 @@ def _leaning(poses: Poses, term: Term, j: int, required: bool) -> list[Feature]:
 
 
 def _difference(poses: Poses, term: Term, j: int, required: bool) -> list[Feature]:
+    """Link encoder less motor's."""
     off = poses.link[:, j] - poses.q[:, j]
     return [] if np.isnan(off).any() or not off.any() else [Feature(off, unit="")]
 
 
 def _rail(poses: Poses, term: Term, j: int, required: bool) -> list[Feature]:
+    """Turns of the joint's place by another joint's position."""
     joints = poses.measured.joints
     require_known("joint", term.by, joints)
     place = poses.measured.motor[:, joints.index(term.by)]
@@ -395,18 +419,19 @@ def _rail(poses: Poses, term: Term, j: int, required: bool) -> list[Feature]:
 
 
 def _suspension(poses: Poses, term: Term, j: int, required: bool) -> list[Feature]:
+    """Turns of the joint's place by the moment of the weight beyond it."""
     moments = zip("xyz", poses.wrench[:, j, 3:].T, strict=True)
     return [Feature(m, f"about {a}", "rad/(N*m)", 3 + k) for k, (a, m) in enumerate(moments)]
 
 
-def _loaded(poses: Poses, j: int) -> tuple[np.ndarray, np.ndarray]:
+def _bearing_load(poses: Poses, j: int) -> tuple[np.ndarray, np.ndarray]:
     """Force and moment on a joint in its bearing's axes, (n, 6), and these in its frame, (6, 6)."""
     turn = np.kron(np.eye(2), z_to(poses.axis[j]))
     return poses.wrench[:, j] @ turn, turn
 
 
 def _gear(poses: Poses, term: Term, j: int, required: bool) -> list[Feature]:
-    """Twist of a gear whose stiffness rises with the torque, by the compliance of each piece."""
+    """Twist of a gear by the compliance of each piece of its curve."""
     gear, load = poses.mechanism.gears.get(poses.names[j]), poses.load[:, j]
     if gear is None:
         return []
@@ -422,11 +447,11 @@ def _gear(poses: Poses, term: Term, j: int, required: bool) -> list[Feature]:
 
 
 def _bearing(poses: Poses, term: Term, j: int, required: bool) -> list[Feature]:
-    """Displacement of a rolling bearing: by its clearance, and as far as its elements give way."""
+    """Displacement of a rolling bearing by its clearance, and deflection of its elements."""
     bearing = poses.mechanism.clearance.get(poses.names[j])
     if not isinstance(bearing, RollingBearing):
         return []
-    loads, turn = _loaded(poses, j)
+    loads, turn = _bearing_load(poses, j)
     side = -1.0 if bearing.exchanged else 1.0
     cage = bearing.cage_angle + side * bearing.cage_ratio * poses.q[:, j]
     elements = Elements("", replace(bearing, seat=None))
@@ -445,24 +470,23 @@ def _bearing(poses: Poses, term: Term, j: int, required: bool) -> list[Feature]:
 
 
 def _seat(poses: Poses, term: Term, j: int, required: bool) -> list[Feature]:
-    """How springs, or the seat of a bearing, give way in proportion to their load."""
-    name, loads_turn = poses.names[j], _loaded(poses, j)
+    """Displacement of springs, or of a bearing's seat, by the compliance of each way."""
+    name, (loads, turn) = poses.names[j], _bearing_load(poses, j)
     bearing = poses.mechanism.clearance.get(name)
-    parts = () if bearing is None else bearing_parts(name, bearing)
-    springs = [part for part in parts if isinstance(part, Springs)]
-    features = []
-    for part in springs:
-        for way, moved in part.sunk(loads_turn[0]).items():
+    ones, features = np.ones(len(poses)), []
+    for part in () if bearing is None else bearing_parts(name, bearing):
+        if not isinstance(part, Springs):
+            continue
+        for way, moved in part.sunk(loads).items():
             size = part.compliances[way]
             unit = "rad/(N*m)" if way in ("tilt", "torsional") else "m/N"
-            moves = moved @ loads_turn[1].T / size
-            ones = np.ones(len(poses))
+            moves = moved @ turn.T / size
             features.append(Feature(ones, f"{way} compliance", unit, expected=size, moves=moves))
     return features
 
 
 def _placement(poses: Poses, term: Term, j: int, required: bool) -> list[Feature]:
-    """Errors of a joint's place; of the first joint they are the base's."""
+    """Errors of a joint's placement; that of the first joint is the base's, which is unknown."""
     if j == 0 and not required:
         return []
     letters, size = term.axes or PLACEMENT, np.abs(poses.axis[j])
@@ -532,10 +556,13 @@ TERM_KINDS: Mapping[str, TermKind] = {
         part="springs or a bearing in a seat",
     ),
 }  # fmt: skip
-"""Kinds of terms; a new one is a function of the poses."""
+"""Kinds of terms; a new one is a function of the poses. Widths of priors are judged: with all twice
+as wide 3 of 112 estimates of these 6 robots are left out, and intervals are a fifth wider
+(median)."""
 
 
 def _with_payloads(model: pin.Model, payloads: Sequence[Payload]) -> pin.Model:
+    """The model with payloads fixed to their frames."""
     from jointplay.model.mechanism import frame_index
 
     model = model.copy()
@@ -547,8 +574,8 @@ def _with_payloads(model: pin.Model, payloads: Sequence[Payload]) -> pin.Model:
 
 
 def _loads(model: pin.Model, q: np.ndarray, ids: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
-    """What gravity does to the chain's joints: along their axes (n, j), force and moment (n, j, 6)
-    in the frames of their placements [N m, N]."""
+    """Load of gravity on the chain's joints: torques along their axes (n, j), and force and moment
+    in the frames of their placements (n, j, 6) [N m, N]."""
     data, still = model.createData(), np.zeros(model.nv)
     load, wrench = np.zeros((len(q), len(ids))), np.zeros((len(q), len(ids), 6))
     for i, row in enumerate(q):

@@ -1,4 +1,4 @@
-"""Lost motion of single joints: moved forth and back under a dial gauge, without forces.
+"""Lost motion of single joints: moved back and forth under a dial gauge, without forces.
 
 Where friction alone holds the link, it stays where it was left until the teeth of the other side
 take it along (the play operator), and a dial reads where it is:
@@ -7,9 +7,11 @@ take it along (the play operator), and a dial reads where it is:
     reading_i = zero + scale link_i + drift (t_i) + scatter
 
 with the total lost motion L: the play, and what gears give way to friction both ways. Given L, all
-else but the side on which the link began is linear, so L's interval is that of its profile: values
-whose sum of squares exceeds the least by no more than Student's t allows. Weight that exceeds
-friction holds the link to one side, and nothing is lost: then this test tells nothing.
+else is linear, except the side on which the link began. So L's interval is that of its profile
+(`_Profile`): values whose sum of squares exceeds the least by no more than Student's t allows.
+
+Lost motion is known if its interval excludes zero (`known`). Weight that exceeds friction holds the
+link to one side, and nothing is lost: then this test tells nothing.
 """
 
 from __future__ import annotations
@@ -34,11 +36,12 @@ from jointplay.base.tables import counted, few
 from jointplay.base.units import readable
 from jointplay.estimate import columns
 from jointplay.estimate.gauge import gravity_load, joints_of_table
+from jointplay.estimate.known import excludes_zero
 from jointplay.estimate.machine import preset_found
 from jointplay.estimate.unknowns import (
     ROUNDING,
+    STEP_DEVIATION,
     TWO_SIDED,
-    UNIFORM,
     Answer,
     Estimate,
     Loop,
@@ -52,25 +55,26 @@ if TYPE_CHECKING:
     from jointplay.scenario.presets import Preset
 
 SCALE = 0.05
-"""Standard deviation by which a motor's scale and a dial's lever are off, as a part: screws are
-true to 0.1 %, belts to 1 %, a lever that is measured by a ruler to 5 % (judged; from 0.02 to 0.2 as
-many of 150 axes are right)."""
+"""Relative standard deviation of a motor's scale and a dial's lever: screws are true to 0.1 %,
+belts to 1 %, a lever that is measured by a ruler to 5 % (judged; from 0.02 to 0.2 as many of 150
+axes are right)."""
 LEAST_READINGS = 6
-"""Of a joint in one setup: zero, scale, drift, lost motion and a side leave one to judge by."""
+"""Least number of readings of a joint in one setup: zero, scale, drift, lost motion and a side
+leave one to judge by."""
 WARMS_MOVES = (0.7, 1.5, 3.0, 6.0)
-"""In how many moves a machine may warm up (judged: the profile between two differs little; slower
-warming is a parabola as well)."""
+"""Numbers of moves in which a machine may warm up (judged: the profile between two differs little;
+slower warming is a parabola as well)."""
 STARTS = np.array([-1.0, 0.0, 1.0])
 """Sides on which a link may have begun, which decide its first readings (measured: of 80 tables
 without a run-up 99 % are right, with 21 sides 95 %; of tables by the plan as many)."""
 _GRID = np.linspace(0.0, 1.0, 121)
-"""Lost motions that are tried, by the whole travel, and twice more about the best of them
+"""Lost motions that are tried, as parts of the whole travel, and twice more about the best of them
 (measured: twice as many change no answer of benchmarks/truth/lost_motion.py)."""
 _PLACES = 5
-"""Of a plan, each come to from both sides, twice."""
+"""Number of places of a plan, each come to from both sides, twice: 20 readings (judged)."""
 _STRIDE = {True: 5e-4, False: math.radians(2.5)}
-"""Distance of a plan's places, or twice the play of the gear, by whether the joint slides [m, rad]
-(judged: several times what is usually lost, so that it is lost within one)."""
+"""Distance of a plan's places by whether the joint slides [m, rad], unless twice the gear's play is
+more (judged: several times what is usually lost, so that it is lost within one)."""
 _NUMBERS = ("motor", "reading", "gauge arm")
 _COLUMNS = (
     "joint, setup (names), motor [mm or deg] as it was sent, in the order of the moves, reading "
@@ -82,21 +86,22 @@ _COLUMNS = (
 @known_keywords
 @dataclass(frozen=True)
 class Stairs:
-    """Places to which joints were sent, and what a dial read there; SI units."""
+    """n moves of joints back and forth, with a dial's readings; SI units."""
 
     joint: tuple[str, ...]
-    """Of each move, n of them, in their order."""
+    """Joint of each move, in their order."""
     setup: tuple[str, ...]
-    """Names of setups, each with a zero of its own."""
+    """Setup of each move; each setup has a zero of its own."""
     motor: np.ndarray
-    """Where the joint was sent, shape (n,) [rad or m]."""
+    """Place to which the joint was sent, shape (n,) [rad or m]."""
     reading: np.ndarray
-    """Of the link, shape (n,) [rad or m]; nan where none was taken."""
+    """Reading of the link, shape (n,) [rad or m]; nan where none was taken."""
     source: str = "the readings"
+    """Name of the moves in texts, such as their file."""
     pose: tuple[str, ...] = ()
     """See `gauge.Readings`."""
     step: float = 0.0
-    """In which the dial was read [rad or m]; zero: nobody says."""
+    """Step to which the dial was read [rad or m]; zero: unknown."""
 
     @classmethod
     def from_csv(cls, path: str | Path, joints: Mapping[str, bool]) -> Stairs:
@@ -112,8 +117,12 @@ class Stairs:
         """
         path = Path(path)
         (_, head), *_ = files.csv_rows(path, "readings")
-        names, slide = joints_of_table(path, joints, _needed())
-        way, angular = ("m", False) if slide else ("rad", _reads_angles(head))
+        names, slide = joints_of_table(path, joints, _RECIPE)
+        titles = (cell.strip() for cell in head)
+        angular = not slide and any(
+            title.startswith("reading") and title.endswith(("deg]", "rad]")) for title in titles
+        )
+        way = "m" if slide else "rad"
         units = {"motor": way, "reading": "rad" if angular else "m", "gauge arm": "m"}
 
         def known(title: str) -> tuple[columns.Key, str] | None:
@@ -145,9 +154,10 @@ class Stairs:
 
 
 def _dial_step(readings: np.ndarray, unit: float) -> float:
-    """Largest of 1, 2, 5 times a power of ten `unit` of which all readings are multiples; or 0.
+    """Step of a dial: the largest 1, 2 or 5 times a power of ten `unit` that divides all readings.
 
-    A dial resolves more steps than there are readings: places at round numbers are no coarse dial.
+    A dial resolves more steps than there are readings, else places at round numbers would look like
+    a coarse dial; 0 if there is no such step.
     """
     values = readings[np.isfinite(readings)] / unit
     for power in range(0, -6, -1):
@@ -159,12 +169,6 @@ def _dial_step(readings: np.ndarray, unit: float) -> float:
     return 0.0
 
 
-def _reads_angles(head: Sequence[str]) -> bool:
-    """Whether the column of readings is in an angle's unit."""
-    titles = [cell.strip() for cell in head]
-    return any(t.startswith("reading") and t.endswith(("deg]", "rad]")) for t in titles)
-
-
 WEIGHTLESS = (
     "note: without a robot weight is left out: where it exceeds friction, as of an axis without "
     "counterweight, it holds the teeth to one side and no play shows"
@@ -172,7 +176,7 @@ WEIGHTLESS = (
 
 
 def axes_of_table(path: str | Path) -> Mechanism:
-    """What stands for the machine of a table's axes where nobody has its URDF: without weight.
+    """A machine without weight that has the axes of a table, where there is no URDF.
 
     Axes slide if their column `motor` is in a length, else they turn.
 
@@ -199,24 +203,24 @@ def axes_of_table(path: str | Path) -> Mechanism:
     return Mechanism(urdf.parse(text, path), gravity=(0.0, 0.0, 0.0))
 
 
-def _needed() -> str:
-    return (
-        f"a joint needs {LEAST_READINGS} readings at two places at least, each come to from both "
-        "sides; --plan lost-motion writes the moves"
-    )
+_RECIPE = (
+    f"a joint needs {LEAST_READINGS} readings at two places at least, each come to from both "
+    "sides; --plan lost-motion writes the moves"
+)
 
 
 @dataclass(frozen=True, kw_only=True)
 class LostMotion(Answer):
-    """What moves forth and back tell of joints' lost motion; SI units."""
+    """Estimates of joints' lost motion from moves back and forth; SI units."""
 
     mechanism: Mechanism
     stairs: Stairs
     loops: tuple[Loop, ...]
-    """How far each link lagged behind its motor, over the motor's place."""
+    """Lag of each link behind its motor, over the motor's place."""
 
     @property
     def sentence(self) -> str:
+        """The answer in one sentence."""
         known = [f"{x.joint} {x.span}" for x in self.estimates if not x.reason]
         of = f"{len(known)} of {counted(len(self.estimates), 'joint')}"
         return f"The moves tell the lost motion of {of}{f': {few(known)}' if known else ''}"
@@ -226,11 +230,11 @@ class LostMotion(Answer):
 
     @property
     def plays(self) -> dict[str, float]:
-        """Total lost motion of the joints of which it is known [rad or m]."""
+        """Total lost motion of the joints where it is known [rad or m]."""
         return {x.joint: x.value for x in self.estimates if x.known}
 
     def preset(self, robot: str | Path | None = None) -> Preset:
-        """The robot's joints with what was found; see `Identification.preset`."""
+        """A preset of the robot's joints with the estimates; see `Identification.preset`."""
         return preset_found(self.mechanism, self.estimates, self.stairs.source, robot)
 
 
@@ -242,15 +246,15 @@ def identify_lost_motion(
     scatter: float | None = None,
     pose: Mapping[str, float] | None = None,
 ) -> LostMotion:
-    """Total lost motion of single joints from places they were sent to and a dial's readings.
+    """Identify the total lost motion of single joints from moves back and forth.
 
     Args:
         mechanism: the robot.
-        stairs: or the path of their CSV file.
-        scatter: least standard deviation of a reading [rad or m]; None: what a dial's steps leave
-            open.
-        pose: joint positions in which was measured, for the load of gravity [rad or m]; None: not
-            known.
+        stairs: the moves, or the path of their CSV file.
+        scatter: least standard deviation of a reading [rad or m]; None: that of rounding to the
+            dial's steps.
+        pose: joint positions at which was measured, for the load of gravity [rad or m]; None:
+            unknown.
 
     Raises:
         JointplayError: see `Stairs.from_csv`; too few readings of a joint, or all from one side.
@@ -304,9 +308,9 @@ def identify_lost_motion(
 
 
 def links(motor: np.ndarray, lost: float | np.ndarray, start: float | np.ndarray) -> np.ndarray:
-    """Where the link lies after each move, (n,): the play operator of width `lost`.
+    """Places of the link after each move, (n,): the play operator of width `lost`.
 
-    It begins at ``motor[0] + start lost / 2``, with `start` from -1 to 1; of arrays of `lost` and
+    It begins at ``motor[0] + start lost / 2``, with `start` from -1 to 1. For arrays of `lost` and
     `start` the shape is theirs, broadcast, and n.
     """
     place, behind = motor[0] + 0.5 * lost * np.asarray(start, float), []
@@ -318,16 +322,16 @@ def links(motor: np.ndarray, lost: float | np.ndarray, start: float | np.ndarray
 
 @dataclass
 class _Profile:
-    """Sum of squares of a joint's readings over its lost motion, all else as fits best."""
+    """Profile of a joint's lost motion: least sum of squares of its readings for each value."""
 
     joint: str
     slides: bool
     setups: list[tuple[np.ndarray, np.ndarray]]
-    """Of each: moves, and readings, which are nan where there are none."""
+    """Moves and readings of each setup; readings are nan where there are none."""
     scatter: float
     """Least standard deviation of a reading [rad or m]."""
     step: float = 0.0
-    """In which the dial was read [rad or m]; zero: nobody says."""
+    """Step to which the dial was read [rad or m]; zero: unknown."""
 
     @classmethod
     def of(
@@ -341,23 +345,25 @@ class _Profile:
             read = np.isfinite(reading)
             ways = np.sign(np.diff(motor, prepend=motor[0]))[read]
             if read.sum() < LEAST_READINGS or not (ways > 0).any() or not (ways < 0).any():
-                raise JointplayError(
-                    f"{stairs.source}: {joint}: {_needed()}; got {int(read.sum())}"
-                )
+                raise JointplayError(f"{stairs.source}: {joint}: {_RECIPE}; got {int(read.sum())}")
             setups.append((motor, reading))
         span = max(float(np.ptp(reading[np.isfinite(reading)])) for _, reading in setups)
         if span == 0.0:
             raise JointplayError(
                 f"{stairs.source}: {joint}: all readings are the same: the dial does not follow it"
             )
-        floor = max(UNIFORM * stairs.step, ROUNDING * span)
+        floor = max(STEP_DEVIATION * stairs.step, ROUNDING * span)
         return cls(joint, slides, setups, floor if scatter is None else scatter, stairs.step)
 
     def fit(self, lost: np.ndarray, sigma: float) -> tuple[np.ndarray, list[tuple[Any, ...]]]:
-        """Sums of squares, priors included, at lost motions (k,); link, drift, scale at the least.
+        """Fit all else at lost motions (k,), for a standard deviation `sigma` of readings.
 
-        What drifts is projected out, which leaves the scale alone: for each side on which the link
-        may have begun and each drift, of which the best are taken.
+        The drift is projected out, which leaves a linear problem of the scale alone: for each side
+        on which the link may have begun, and each shape of drift; the best of these is taken.
+
+        Returns:
+            Sums of squares, the scale's prior included, (k,); link, drift and scale of each setup
+            at the best lost motion.
         """
         weight, total, candidates = (sigma / SCALE) ** 2, np.zeros(len(lost)), []
         for (motor, reading), drifts in zip(self.setups, self._drifts, strict=True):
@@ -387,10 +393,10 @@ class _Profile:
 
     @property
     def _drifts(self) -> list[list[np.ndarray]]:
-        """Of each setup, drifts that are tried, as columns over its moves.
+        """Shapes of drift that are tried in each setup, each as columns over its moves.
 
-        A line, and if there are readings enough what bends it: a parabola, or what dies out, as a
-        machine warms up within its first moves.
+        A line and, with enough readings, a bend: a parabola, or an exponential, as a machine warms
+        up within its first moves.
         """
         drifts = []
         for motor, reading in self.setups:
@@ -404,11 +410,12 @@ class _Profile:
 
     @property
     def most(self) -> float:
-        """The whole travel [rad or m]: no more can be seen to be lost."""
+        """Largest lost motion that can show: the whole travel [rad or m]."""
         return max(float(np.ptp(motor)) for motor, _ in self.setups)
 
     @property
     def freedom(self) -> int:
+        """Degrees of freedom: lost motion is common, all else is each setup's own."""
         count = sum(int(np.isfinite(reading).sum()) for _, reading in self.setups)
         return max(count - 1 - len(self.setups) * (LEAST_READINGS - 1), 1)
 
@@ -424,7 +431,7 @@ class _Profile:
     def estimate(self) -> tuple[Estimate, list[str], Loop]:
         """Lost motion with its interval, notes, and the loop to draw."""
         notes, sigma, free = self._without_outliers(), self.scatter, self.freedom
-        for _ in range(2):  # the prior of the scale is worth more, the less readings scatter
+        for _ in range(2):  # the scale's prior weighs by the scatter, which follows from the fit
             grid, squares = self.profile(sigma)
             sigma = max(math.sqrt(squares.min() / free), self.scatter)
         bound = (float(student.ppf(TWO_SIDED, free)) * sigma) ** 2 * self._alike(sigma)
@@ -436,8 +443,8 @@ class _Profile:
         unit = "m" if self.slides else "rad"
         unknown = Unknown(self.joint, "gear_play", unit, math.nan, self.most, most=self.most)
         estimate = Estimate(
-            unknown, value, max(value - low, high - value), ends=(low, high), bounded=first == 0,
-            upper=high, note=f"one side repeats to {readable(sigma, unit, 2)}",
+            unknown, value, max(value - low, high - value), ends=(low, high), upper=high,
+            bounded=not excludes_zero(low), note=f"one side repeats to {readable(sigma, unit, 2)}",
         )  # fmt: skip
         if high >= self.most:
             estimate = replace(
@@ -446,8 +453,10 @@ class _Profile:
         return estimate, notes, self._loop(self.fit(np.array([value]), sigma)[1], unit)
 
     def _alike(self, sigma: float) -> float:
-        """How many readings are the same one again: at the same place from the same side, a dial
-        that is read in steps wider than readings scatter is off by the same part of a step.
+        """Number of readings for each that tells something new.
+
+        A dial that is read in steps wider than readings scatter is off by the same part of a step
+        whenever it comes to the same place from the same side.
         """
         if sigma > self.step:
             return 1.0
@@ -462,7 +471,7 @@ class _Profile:
         return len(stops) / len(set(stops))
 
     def _without_outliers(self) -> list[str]:
-        """Leave out readings farther off than any of normal scatter would be, and say which."""
+        """Leave out readings farther off than any of normal scatter would be; notes name them."""
         grid, squares = self.profile(self.scatter)
         _, parts = self.fit(grid[[squares.argmin()]], self.scatter)
         notes = []
@@ -493,7 +502,7 @@ class _Profile:
 
 
 def axis_letters(sliding: Sequence[str]) -> dict[str, str]:
-    """Letters X, Y, Z of axes that slide: those they are called, else the next that are free."""
+    """Letters X, Y, Z of axes that slide: their own names, else the next that are free."""
     letters = {name: name.upper() for name in sliding if name.upper() in ("X", "Y", "Z")}
     free = [letter for letter in "XYZ" if letter not in letters.values()]
     return letters | dict(zip([n for n in sliding if n not in letters], free, strict=False))
@@ -501,14 +510,14 @@ def axis_letters(sliding: Sequence[str]) -> dict[str, str]:
 
 @dataclass(frozen=True)
 class LostMotionPlan:
-    """Moves forth and back, and a table to fill in."""
+    """A plan of moves back and forth, and a table to fill in."""
 
     joints: Mapping[str, tuple[bool, float, float]]
-    """Whether each slides, where it begins and its stride [rad or m]."""
+    """Whether each joint slides, where it begins, and its stride [rad or m]."""
     notes: tuple[str, ...] = ()
 
     def moves(self, joint: str) -> list[tuple[float, bool]]:
-        """Places of a joint in their order [rad or m], and whether the dial is read."""
+        """Places of a joint in their order [rad or m], and whether the dial is read at each."""
         _, begin, stride = self.joints[joint]
         places = [begin + k * stride for k in range(1, _PLACES + 1)]
         rounds = [(begin, False)]
@@ -519,7 +528,7 @@ class LostMotionPlan:
         return rounds
 
     def csv(self) -> str:
-        """A table to fill in."""
+        """Text of a table to fill in."""
         lines: list[str] = []
         for joint, (slides, *_) in self.joints.items():
             way, size = ("mm", 1e3) if slides else ("deg", math.degrees(1.0))
@@ -531,7 +540,7 @@ class LostMotionPlan:
         return "\n".join(lines) + "\n"
 
     def gcode(self) -> str:
-        """Moves of axes that slide, X, Y and Z in their order; each stop waits to be read."""
+        """G-code of the moves of axes that slide; each stop at which the dial is read waits."""
         sliding = [joint for joint, (slides, *_) in self.joints.items() if slides]
         lines = ["; lost motion: read the dial at each M0", "G21", "G90"]
         for joint, letter in axis_letters(sliding).items():
@@ -553,13 +562,13 @@ class LostMotionPlan:
 
 
 def _shown(value: float, slides: bool) -> str:
-    """A place in the unit of the table."""
+    """Text of a place in the unit of the table."""
     return f"{1e3 * value:.3g} mm" if slides else f"{math.degrees(value):.3g} deg"
 
 
 @known_keywords
 def plan_lost_motion(mechanism: Mechanism, joints: Sequence[str] = ()) -> LostMotionPlan:
-    """Moves that tell the lost motion of joints; none named: of all that move.
+    """Plan moves that tell the lost motion of joints; none named: of all that move.
 
     Raises:
         MissingName: no such joint.

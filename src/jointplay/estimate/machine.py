@@ -1,8 +1,11 @@
-"""What is sought of a machine: what is unknown of its parts (`parts`), by joint.
+"""A machine before a measurement: its unknowns with their priors, by joint.
 
-Every machine is elastic, and elasticity looks like play to whoever pushes with one force only. So
-the compliances of each joint (about and along its axis, across it, in tilt), of each gear and of
-the structure at the tool are unknown, too, unless they are given.
+The unknowns of bearings, springs and gears are those of their `parts`. Every machine is elastic,
+and elasticity looks like play to whoever pushes with one force only. So the compliances of each
+joint (about and along its axis, across it, in tilt), of each gear and of the structure at the tool
+are unknown, too, unless their stiffness is given (`compliances`).
+
+After a measurement, `apply` puts the estimates into the mechanism, `preset_found` into a preset.
 """
 
 from __future__ import annotations
@@ -32,40 +35,50 @@ WAYS = {
     "bush": "m/N",
     "axial": "m/N",
 }
-"""In which a joint gives way, and the unit of that compliance: about its axis; its link about that
-axis, where friction at the joint holds none of it (a joint that winds up has both, others one);
-about the axes across; across, along the load; of a bush that gives way across, how much of it turns
-aside with the contact's normal where friction does; along."""
+"""Ways in which a joint gives way, and the unit of that compliance.
+
+``torsional``: about its axis. ``link``: its link about that axis, where friction at the joint holds
+none of it (a joint that winds up has both, others one). ``tilt``: about the axes across.
+``radial``: across, along the load. ``bush``: of a bush that gives way across, how much of it turns
+aside with the contact's normal where friction does. ``axial``: along the axis.
+"""
 TOOL, ALL = "tool", "all"
-"""Names of the structure's compliance at the tool, and of everything's."""
-SOFT = {"rad/(N*m)": 1e-5, "m/N": 1e-7}
+"""Labels of the structure's compliance at the tool, and of all compliances together."""
+COMPLIANCE_SCALES = {"rad/(N*m)": 1e-5, "m/N": 1e-7}
 """Scales of compliances, by unit, from which unknown ones are sought (judged: of stiff robots)."""
 _BY_MOTOR = {"kind": "computed-torque", "encoder": "motor"}
 """Drive of joints with gears of whose drive nothing else is known: play shows by such encoders."""
-LINK = 1e-4
-"""Deviation of the bending of links from none where a joint winds up, unless the gear is expected
-to give way by more [rad/(N m)]: with any number one could make up for the other."""
-BENDS = 0.15
-"""The same of gears with a curve or hysteresis, by what the gear is expected to give way by: where
-their laws are exact they would tell one from the other, but no gear follows them so closely."""
-_STICKS = 3.0
-"""Largest static friction by the dynamic one (judged)."""
-_TORQUE_N_M = 0.1
-"""Scale of a friction of which the scenario says nothing, where its search begins (judged)."""
+LINK_SPREAD = 1e-4
+"""Prior deviation from none of the bending of links where a joint winds up, unless the gear is
+expected to give way by more [rad/(N m)]: without a prior, link and gear could make up for each
+other (judged: from 3e-5 to 3e-4 the same is told of 11 machines of
+benchmarks/truth/identify.py)."""
+LINK_SPREAD_BY_GEAR = 0.15
+"""Prior deviation of the bending of links beside gears with a curve or hysteresis, as a part of the
+gear's expected compliance: where their laws are exact they would tell one from the other, but no
+gear follows them so closely (judged: from 0.1 to 0.25 the same is told of these 11 machines)."""
+_LARGEST_STICTION = 3.0
+"""Largest static friction, as a multiple of the dynamic one (judged: from 2 to 5 the same is told
+of these 11 machines)."""
+KEPT_AT_STOPS = 0.5
+"""Expected part of friction that is kept at a stop: the middle of what is possible, 0 to 1."""
+_FRICTION_N_M = 0.1
+"""Scale of a friction of which the scenario says nothing, where its search begins (judged: from
+0.03 to 0.3 the same is told of these 11 machines)."""
 
 
 def compliance(label: str, value: float = 0.0, spread: float = math.inf) -> Unknown:
-    """One that is known so well before the measurement [rad/(N m) or m/N]."""
+    """Compliance of a label with its prior's mean and deviation [rad/(N m) or m/N]."""
     joint, _, way = label.rpartition(" ")
     unit = WAYS.get(way, "m/N")
     return Unknown(
-        joint, f"{way}_compliance", unit, value, SOFT[unit], sought=False, spread=spread,
-        least=-math.inf,
+        joint, f"{way}_compliance", unit, value, COMPLIANCE_SCALES[unit], sought=False,
+        spread=spread, least=-math.inf,
     )  # fmt: skip
 
 
 Given = Mapping[str, float | tuple[float, float]]
-"""Stiffness by label [N m/rad or N/m], with its relative standard deviation if it is not exact."""
+"""Given stiffness by label [N m/rad or N/m], with its relative standard deviation if not exact."""
 
 
 @dataclass(frozen=True)
@@ -74,9 +87,9 @@ class Machine:
 
     mechanism: Mechanism
     friction: Mapping[str, JointFriction]
-    """Of the joints besides their bearings'."""
+    """Friction of joints besides that of their bearings, by joint."""
     compliances: Mapping[str, Unknown]
-    """By label, see `compliances`."""
+    """Compliances of which something is known, by label, see `compliances`."""
 
     @cached_property
     def springs(self) -> dict[str, parts.Springs]:
@@ -84,19 +97,20 @@ class Machine:
         return parts.springs_of(self.mechanism)
 
     def compliance(self, label: str) -> Unknown:
+        """Compliance of a label with its prior; without one if nothing is known of it."""
         return self.compliances.get(label) or compliance(label)
 
     def rigid(self, label: str) -> bool:
-        """Whether it is known that there is no compliance."""
+        """Whether it is known that there is no such compliance."""
         prior = self.compliance(label)
         return prior.nominal == prior.spread == 0.0
 
     @cached_property
     def wound(self) -> tuple[str, ...]:
-        """Joints whose link lags behind the motor by what its torque and dry friction wind up.
+        """Joints that wind up: their link lags behind the motor, by the way there (`windup`).
 
-        Those with gears, and all others that turn, are not rigid about their axis and have dry
-        friction that holds the link where it is: the lag depends on the way there.
+        These are joints with a gear, and others that turn, are not rigid about their axis and have
+        dry friction that holds the link.
         """
         gears, entries = self.mechanism.gears, self.mechanism.description.joints
         return tuple(gears) + tuple(
@@ -117,30 +131,41 @@ class Machine:
         known: Collection[str] = (),
         links: Collection[str] = (),
     ) -> tuple[Unknown, ...]:
-        """All unknowns, but compliances that move the tool in proportion to loads.
+        """All unknowns, except compliances that are nuisances (`model.Elastic`).
 
-        Friction is sought only at joints that have some in the scenario.
+        Friction of bearings is sought only where the scenario has some.
 
         Args:
             torques: joints whose torque is measured: their friction is sought.
-            stops: whether there are stops, at which an unknown part of the friction stays.
-            also: of `ALSO`: dry friction behind all gears.
+            stops: whether there are stops, at which an unknown part of the friction is kept.
+            also: what else is sought, of `parts.ALSO`.
             known: labels or names of unknowns that are taken from the scenario.
-            links: joints with an encoder behind their gear, which tells it from the link.
+            links: joints with an encoder behind their gear, which tells the gear from the link.
 
         Raises:
             JointplayError: nothing is sought; an unknown name in `also` or `known`.
         """
         for word in also:
             require_known("unknown to identify besides", word, parts.ALSO)
-        self._require_play()
-        unknowns = [
-            *self._of_bearings(also), *self._of_gears(also, links), *self._of_winding(),
-            *self._of_dry_friction(torques, also),
-        ]  # fmt: skip
+        mechanism = self.mechanism
+        if not mechanism.clearance and not mechanism.gears:
+            raise NothingHasPlay(mechanism.joints)
+        sliding = [n for n in mechanism.gears if mechanism.description.joints[n].slides]
+        if sliding:
+            raise JointplayError(
+                f"gears of joints that slide ({', '.join(sliding)}) are not identified from "
+                "recordings; readings of a dial gauge tell their play and compliance"
+            )
+        unknowns = [*self._of_bearings(also), *self._of_gears(also, links)]
+        for joint in self.wound:
+            if joint not in mechanism.gears:
+                expected = COMPLIANCE_SCALES["rad/(N*m)"]
+                name = "torsional_compliance"
+                unknowns += self._compliance(joint, "torsional", name, expected)
+        unknowns += self._of_dry_friction(torques, also)
         if stops and any(unknown.name == "friction" for unknown in unknowns):
-            half = Unknown("", "friction_kept_at_stops", "", 0.5, 0.5, 1.0, sought=False)
-            unknowns.append(half)
+            half, name = KEPT_AT_STOPS, "friction_kept_at_stops"
+            unknowns.append(Unknown("", name, "", half, half, 1.0, sought=False))
         labels = [{unknown.label, unknown.name} for unknown in unknowns]
         for word in known:
             if not any(word in either for either in labels):
@@ -154,19 +179,8 @@ class Machine:
             raise JointplayError("everything is given as known: nothing is left to identify")
         return remaining
 
-    def _require_play(self) -> None:
-        mechanism = self.mechanism
-        if not mechanism.clearance and not mechanism.gears:
-            raise NothingHasPlay(mechanism.joints)
-        sliding = [n for n in mechanism.gears if mechanism.description.joints[n].slides]
-        if sliding:
-            raise JointplayError(
-                f"gears of joints that slide ({', '.join(sliding)}) are not identified from "
-                "recordings; readings of a dial gauge tell their play and compliance"
-            )
-
     def _of_bearings(self, also: Collection[str]) -> Iterator[Unknown]:
-        """Clearances and friction of bearings; compliances of springs and seats, unless given."""
+        """Clearances and friction of bearings, and compliances of springs and seats."""
         for joint, bearing in self.mechanism.clearance.items():
             for part in parts.bearing_parts(joint, bearing):
                 if not isinstance(part, parts.Springs):
@@ -180,31 +194,26 @@ class Machine:
     def _of_gears(self, also: Collection[str], links: Collection[str]) -> Iterator[Unknown]:
         """Play, compliance and hysteresis of gears.
 
-        Of gears with a curve the law is only nearly right, unless an encoder on the link tells the
-        gear's twist from the bending of the link.
+        Compliances of a gear with a curve are only nearly right, unless an encoder on the link
+        tells the gear's twist from the bending of the link.
         """
         for joint, gear in self.mechanism.gears.items():
             teeth = parts.Teeth(joint, gear)
             of_teeth = list(teeth.unknowns(also))
             plays = [unknown for unknown in of_teeth if unknown.name == "gear_play"]
             give = self._compliance(joint, "torsional", "gear_compliance", 1.0 / teeth.stiffness[0])
-            rough = parts.LOAD_ERROR if joint in links else BENDS
+            rough = parts.LOAD_ERROR if joint in links else LINK_SPREAD_BY_GEAR
             for unknown in (*plays, *give, *(x for x in of_teeth if x not in plays)):
                 bends = teeth.curved and unknown.name in parts.WOUND
                 yield replace(unknown, model_error=rough) if bends else unknown
 
-    def _of_winding(self) -> Iterator[Unknown]:
-        """Compliances of joints without a gear that dry friction winds up."""
-        for joint in self.wound:
-            if joint not in self.mechanism.gears:
-                yield from self._compliance(
-                    joint, "torsional", "torsional_compliance", SOFT["rad/(N*m)"]
-                )
-
     def _of_dry_friction(
         self, torques: Collection[str], also: Collection[str]
     ) -> Iterator[Unknown]:
-        """Of joints whose torque is measured, and of those that it winds up, with stiction."""
+        """Dry friction of joints whose torque is measured, and of those that wind up by it.
+
+        At the latter it may be larger while they stick.
+        """
         gears, friction = self.mechanism.gears, self.friction
         dry = [joint for joint, law in friction.items() if law.coulomb > 0.0]
         winding = [joint for joint in gears if "friction" in also or joint in dry]
@@ -212,52 +221,54 @@ class Machine:
         for joint in dict.fromkeys([*torques, *winding]):
             value = friction[joint].coulomb if joint in friction else 0.0
             unit = "N" if self.mechanism.description.joints[joint].slides else "N*m"
-            yield Unknown(joint, "dry_friction", unit, value, value or _TORQUE_N_M)
+            yield Unknown(joint, "dry_friction", unit, value, value or _FRICTION_N_M)
             if joint in winding:
                 ratio = 1.0 + friction[joint].excess / value if value else 1.0
-                yield Unknown(joint, "stiction", "", ratio, 1.0, _STICKS, sought=False)
+                yield Unknown(joint, "stiction", "", ratio, 1.0, _LARGEST_STICTION, sought=False)
 
     def _compliance(self, joint: str, way: str, name: str, expected: float) -> list[Unknown]:
-        """The unknown by which a joint gives way, unless its compliance is given exactly."""
+        """Compliance of a joint as an unknown of this name; none if it is given exactly."""
         stated = self.compliance(f"{joint} {way}")
         if stated.spread == 0.0:
             return []
         value = stated.nominal or expected
-        most = parts.SOFTEST * value
+        most = parts.COMPLIANCE_RANGE * value
         return [Unknown(joint, name, WAYS[way], value, value, most, spread=stated.spread)]
 
 
 def labels(mechanism: Mechanism) -> list[str]:
-    """Of all stiffnesses that can be given: ``elbow torsional``, ``elbow``, ``tool``, ``all``."""
+    """Labels of all stiffnesses that can be given: ``elbow tilt``, ``elbow``, ``tool``, ``all``."""
     joints = list(dict.fromkeys([*mechanism.joints, *mechanism.clearance]))
     return [f"{name} {way}" for name in joints for way in WAYS] + [*joints, TOOL, ALL]
 
 
 def compliances(mechanism: Mechanism, stated: Given) -> dict[str, Unknown]:
-    """What stiffnesses that are given say of compliances, by label.
+    """Compliances of which something is known, by label, from given stiffnesses.
 
     Args:
         mechanism: whose.
-        stated: an infinite one is rigid. That of a joint without a way is its torsional one (of the
-            gear, where it has one); where it is infinite, the joint is rigid in all ways. ``all``
-            can be infinite only: everything is rigid of which nothing else is said, but gears,
-            springs and seats.
+        stated: given stiffness by label; an infinite one is rigid. That of a joint without a way is
+            its torsional one (of the gear, where it has one); where it is infinite, the joint is
+            rigid in all ways. ``all`` can only be infinite: everything is rigid of which nothing
+            else is said, except gears, springs and seats.
 
     Raises:
         MissingName: no such label.
         JointplayError: a stiffness or a deviation that cannot be.
     """
     known: dict[str, Unknown] = {}
+    # Priors without which other unknowns could not be told, unless something is given.
     for name in mechanism.joints:
-        spread = LINK
+        spread = LINK_SPREAD
         if name in mechanism.gears:
             teeth = parts.Teeth(name, mechanism.gears[name])
             give = 1.0 / teeth.stiffness[0]
-            spread = BENDS * give if teeth.curved else max(LINK, give)
+            spread = LINK_SPREAD_BY_GEAR * give if teeth.curved else max(LINK_SPREAD, give)
         known[f"{name} link"] = compliance(f"{name} link", spread=spread)
     bushes = [f"{name} bush" for name in mechanism.clearance]
     # Passes under one load do not tell it from friction: without a bound no friction could be told.
-    known |= {label: compliance(label, spread=SOFT["m/N"]) for label in bushes}
+    known |= {label: compliance(label, spread=COMPLIANCE_SCALES["m/N"]) for label in bushes}
+    # The general first, for the special overrides it: all, a joint or the tool, a way of a joint.
     for label in sorted(stated, key=lambda label: (label != ALL, " " in label)):
         entry = stated[label]
         stiffness, part = entry if isinstance(entry, tuple) else (entry, 0.0)
@@ -283,7 +294,8 @@ def compliances(mechanism: Mechanism, stated: Given) -> dict[str, Unknown]:
 
 
 def apply(mechanism: Mechanism, estimates: Sequence[Estimate]) -> Mechanism:
-    """The mechanism with those values that are identified, and that it can have."""
+    """The mechanism with the estimates that have no reason against them, as far as it has parts for
+    them."""
     joints, gears = dict(mechanism.clearance), dict(mechanism.gears)
     values: dict[str, dict[str, float]] = {}
     for estimate in estimates:
@@ -304,12 +316,12 @@ def preset_found(
     robot: str | Path | None = None,
     tables: Mapping[str, Mapping[str, Any]] = MappingProxyType({}),
 ) -> Preset:
-    """The mechanism's joints with what was found, as a preset.
+    """A preset of the mechanism's joints with their estimates, each number with its origin.
 
     Args:
         mechanism: as the scenario has it.
         estimates: of its unknowns.
-        source: which measurement told it.
+        source: name of the measurement.
         robot: name or path; None: the file of its URDF.
         tables: see `Preset.of_mechanism`.
     """
@@ -320,6 +332,7 @@ def preset_found(
     place = str(robot or mechanism.description.path)
     title = f"{Path(place).stem} as measured by {source}"
     gears = {name: dict(entry) for name, entry in tables.get("gear", {}).items()}
+    # Joints that have no gear in the scenario get one of their play and compliance.
     for estimate in estimates:
         name, nonzero = estimate.unknown.name, not estimate.reason and estimate.value > 0.0
         if nonzero and estimate.joint not in mechanism.gears:
@@ -336,7 +349,7 @@ def preset_found(
 
 
 def _origin(estimate: Estimate, source: str) -> Origin:
-    """Of a number of a preset that is an unknown's: a gear's stiffness by its compliance."""
+    """Origin of a preset's number that is an estimate's; a compliance stands as a stiffness."""
     from jointplay.scenario.presets import QUANTITIES, Origin
 
     name, unknown = estimate.unknown.name, estimate.unknown
@@ -345,35 +358,24 @@ def _origin(estimate: Estimate, source: str) -> Origin:
     if estimate.reason:
         why = f"of the scenario; {source} cannot tell: {estimate.reason}"
         return Origin(key=key, value=unknown.shown(unknown.nominal), origin="assumed", source=why)
-    value, ends = estimate.upper if estimate.bounded else estimate.value, estimate.interval
+    value, ends = estimate.value, estimate.interval
     if estimate.bounded:
-        ends = 0.0, estimate.upper
+        value, ends = estimate.upper, (0.0, estimate.upper)
+    stiffness, interval = key.endswith("stiffness"), tuple(map(float, ends))
     if math.isinf(ends[1]):
-        return Origin(
-            key=key,
-            value=unknown.shown(value),
-            origin="measured",
-            source=f"{estimate.span}; {source}",
-        )
-    if key.endswith("stiffness"):
-        if min(value, *ends) <= 0.0:
-            return Origin(
-                key=key,
-                value=unknown.shown(value),
-                origin="measured",
-                source=f"its compliance; {source}",
-            )
-        value, ends = 1.0 / value, (1.0 / ends[1], 1.0 / ends[0])
-        unknown = replace(unknown, unit="N/m" if unknown.unit == "m/N" else "N*m/rad", fine=False)
-    low, high = map(unknown.shown, ends)
-    why = f"95 % interval {low} to {high}; {source}"
+        why, interval = estimate.span, ()
+    elif stiffness and min(value, *ends) <= 0.0:
+        why, interval = "its compliance", ()
+    else:
+        if stiffness:
+            value, interval = 1.0 / value, (1.0 / ends[1], 1.0 / ends[0])
+            unit = "N/m" if unknown.unit == "m/N" else "N*m/rad"
+            unknown = replace(unknown, unit=unit, fine=False)
+        why = "95 % interval {} to {}".format(*map(unknown.shown, interval))
     return Origin(
-        key=key,
-        value=unknown.shown(value),
-        origin="measured",
-        source=why,
-        interval=tuple(map(float, ends)),
-    )
+        key=key, value=unknown.shown(value), origin="measured", source=f"{why}; {source}",
+        interval=interval,
+    )  # fmt: skip
 
 
 def worst_at_ends(
@@ -382,9 +384,9 @@ def worst_at_ends(
     *about: Any,
     **options: Any,
 ) -> list[str]:
-    """The worst case with all plays at the lower, and at the upper ends of their intervals.
+    """Text of the worst case with all plays at the lower, and at the upper ends of their intervals.
 
-    `about`, `options`: what `budget` takes.
+    None if no play has an interval. `about` and `options` are those of `budget`.
     """
     from jointplay.accuracy.error_budget import budget
 
@@ -403,7 +405,7 @@ def worst_at_ends(
 def with_plays(mechanism: Mechanism, plays: Mapping[tuple[str, str], float]) -> Mechanism:
     """The mechanism with plays by joint and name, such as ``("elbow", "gear_play")`` [SI].
 
-    Joints without a gear get one of which nothing but its play is meant.
+    Joints without a gear get one, of which only the play counts.
     """
     from jointplay.model.gear import Gear
 

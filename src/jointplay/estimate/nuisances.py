@@ -1,7 +1,7 @@
-"""What moves signals and is not sought: offsets, drift, lateness; it enters linearly.
+"""Nuisances of a recording: offsets, drift and lateness, which enter linearly and are not sought.
 
-Offsets are where the tracker's frame lies, by how much the robot's geometry is off at a place, and
-the zeros of encoders; readings drift as the machine warms up, and may be late.
+Offsets are the place of the tracker's frame, the error of the robot's geometry at a place, and the
+zeros of encoders; readings drift as the machine warms up, and may be late.
 """
 
 from __future__ import annotations
@@ -11,33 +11,28 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.polynomial.legendre import legvander
 
-from jointplay.estimate.measurement import (
-    READINGS,
-    Key,
-    Observed,
-    signal_effect,
-    stacked,
-    tool_effect,
-    tool_positions,
-)
+from jointplay.estimate.columns import Key
+from jointplay.estimate.measurement import READINGS
 from jointplay.estimate.model import StaticModel
 from jointplay.estimate.unknowns import TINY
+from jointplay.estimate.visits import Observed, signal_effect, stacked, tool_effect, tool_positions
 
 REFERENCES = ("place", "frame", "ideal")
-"""What is known of the tool's ideal place: nothing but that it is the same at each visit of a
-place; all but where the tracker's frame lies; all."""
-DEGREE = 3
-"""Of the polynomials in time by which readings may drift, unless said otherwise, and in each
-joint's position by which the geometry's error changes at a place (judged)."""
+"""Knowledge of the tool's ideal place: that it is the same at each visit of a place (``place``);
+all but where the tracker's frame lies (``frame``); all (``ideal``)."""
+POLYNOMIAL_DEGREE = 3
+"""Degree of the polynomials in time by which readings may drift, unless `identify` is given
+another, and of those in each joint's position by which the geometry's error changes at a place
+(judged: with 4 the same is told of 11 machines of benchmarks/truth/identify.py)."""
 
 
 def nuisances(
     model: StaticModel, observed: Observed, reference: str, drift: int, late: bool
 ) -> tuple[np.ndarray, list[str]]:
-    """What moves the signals and is not sought: its effect (n, keys, columns).
+    """Effect of all nuisances on the signals, (n, keys, columns), and labels of the last columns.
 
-    First that readings are late, then offsets, drift, what friction holds anywhere, and last the
-    compliances, by their labels.
+    In this order: lateness of each kind of reading, offsets, drift, places where friction may hold
+    journals, and the compliances, which have the labels.
     """
     visits, keys = model.visits, model.keys
     tool = tool_positions(model.mechanism, visits.joints, visits.position)
@@ -55,11 +50,17 @@ def nuisances(
 def offsets(
     keys: Sequence[Key], cell: np.ndarray, position: np.ndarray, tool: np.ndarray, reference: str
 ) -> np.ndarray:
-    """How unknown offsets move the signals, shape (n, keys, offsets), see `REFERENCES`.
+    """Effect of unknown offsets on the signals, shape (n, keys, offsets).
 
-    Visits of a place (`cell`, (n,)) are not quite at one: beside an offset for each, the geometry's
-    error is a polynomial of the joints' positions (n, j) [rad or m]. `tool` is the ideal
-    mechanism's (n, 3) [m].
+    Visits of a place are not quite at the same one: beside an offset for each place, the geometry's
+    error is a polynomial of the joints' positions.
+
+    Args:
+        keys: the signals.
+        cell: number of the place of each visit, shape (n,).
+        position: of the joints, shape (n, j) [rad or m].
+        tool: position of the ideal tool, shape (n, 3) [m].
+        reference: of `REFERENCES`.
     """
     n, columns = len(cell), []
     axes = [key for key in keys if key[0] == "tool"]
@@ -75,13 +76,13 @@ def offsets(
 
 
 def _within(cell: np.ndarray, position: np.ndarray) -> list[np.ndarray]:
-    """Powers of the joints' positions as far as they differ between visits of a place."""
+    """Powers of the joints' positions, less their means over the visits of a place, (n,) each."""
     powers = []
     for values in position.T:
         span = np.ptp(values)
         if span > 0.0:
             even = (values - values.mean()) / span
-            for power in range(1, DEGREE + 1):
+            for power in range(1, POLYNOMIAL_DEGREE + 1):
                 moved = even**power
                 for number in np.unique(cell):
                     moved[cell == number] -= moved[cell == number].mean()
@@ -90,7 +91,7 @@ def _within(cell: np.ndarray, position: np.ndarray) -> list[np.ndarray]:
 
 
 def drifts(keys: Sequence[Key], time: np.ndarray, degree: int) -> np.ndarray:
-    """How a slow drift at times (n,) moves readings of tool and links, shape (n, keys, columns).
+    """Effect of a slow drift at times (n,) on readings of tool and links, (n, keys, columns).
 
     Legendre polynomials up to a degree; 0: none.
     """
@@ -103,7 +104,7 @@ def drifts(keys: Sequence[Key], time: np.ndarray, degree: int) -> np.ndarray:
 
 
 def lags(observed: Observed) -> np.ndarray:
-    """What readings of the tool and of links show that are late by a second, (n, keys, columns).
+    """Effect of readings of tool and links that are late by a second, (n, keys, columns).
 
     A column for each kind of reading: its instrument has a clock of its own. The speed is that of
     the readings, not the ideal mechanism's: errors of its geometry would count as play.

@@ -1,7 +1,8 @@
-"""What of each part of a machine can be unknown, and the part with what was found.
+"""Parts of a joint that can be identified: their unknowns, and the part with values of these.
 
-A journal in its bore, the elements of a rolling bearing, the springs of a joint or of its seat, and
-a gear: a class each. What is unknown of a part has a name by which `Part.holding` takes its value.
+A class each for a journal in its bore, the elements of a rolling bearing, the springs of a joint or
+of its seat, and a gear. `Part.unknowns` lists what can be unknown of it, each with a name by which
+`Part.holding` takes its value.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from jointplay.estimate.unknowns import ROUGH, Unknown
+from jointplay.estimate.unknowns import FRICTION_MODEL_ERROR, Unknown
 from jointplay.model.gear import CycloidalGear, Gear, Gearing, GearTrain, StrainWaveGear
 from jointplay.model.mechanism import Mechanism
 from jointplay.physics.joints import Clearance, RollingBearing
@@ -24,31 +25,37 @@ from jointplay.physics.joints.elasticity import ABOUT_AXIS, Elasticity
 from jointplay.physics.joints.play import JournalPlay
 
 ALSO = ("friction", "stiffness", "hysteresis")
-"""What is identified only if asked for: dry friction behind gears; of rolling elements, and of each
-piece of a gear's curve; of gears of which the scenario has none."""
+"""Unknowns that are identified only if asked for: dry friction behind all gears; stiffness of
+rolling elements, and of each piece of a gear's curve; hysteresis of gears that have none in the
+scenario."""
 SPRINGS = {"radial": (0, 1), "axial": (2,), "tilt": (3, 4), "torsional": (5,)}
-"""Components of a load and a displacement in which springs give way."""
+"""Components of a load and a displacement in bearing axes, by the way in which springs give way."""
 WOUND = ("gear_compliance", "gear_compliance_2", "gear_compliance_3", "torsional_compliance")
-"""Names of the unknowns by which the torque that a joint transmits turns its link."""
+"""Names of the compliances by which the torque that a joint transmits turns its link."""
 _LARGEST_CLEARANCE_M = 1e-3
-"""Clearance beyond which no bearing is one, unless the scenario says otherwise [m]."""
-SOFTEST = 100.0
-"""Largest compliance of a gear, of springs or of a joint that winds up, and of rolling elements the
-smallest too, by the expected one."""
+"""Upper limit of a journal's clearance, unless ten times the expected one is more [m] (judged: with
+3 mm the same is told of 11 machines of benchmarks/truth/identify.py)."""
+COMPLIANCE_RANGE = 100.0
+"""Largest compliance of a gear, of springs or of a joint that winds up, as a multiple of the
+expected one; of rolling elements, largest and smallest (judged: from 30 to 300 the same is told of
+these 11 machines)."""
 _SMALL_CLEARANCE_M = 5e-6
-"""Internal clearance that matters where less is expected: judged, some micrometres, as bearings of
-class CN of ISO 5753 have at least [m]."""
+"""Least scale of a bearing's internal clearance [m]: judged, some micrometres, as bearings of class
+CN of ISO 5753 have at least. From 2 to 10 um the same is told of these 11 machines."""
 LOAD_ERROR = 0.03
 """Part by which compliances may be off: load cells are by 2 % (a standard deviation), 1.96 of which
 are this with `SAFETY`."""
 _MOST_PRELOAD = 5e-3
-"""Most preload, by an element's diameter: judged, five times what is called heavy."""
-FACTOR = 0.15
-"""Deviation of the stiffness of rolling elements from that of their geometry, which is estimated:
-three per cent of a ball's diameter, one ball more or less, and the grooves' radii."""
+"""Largest interference that preloads, as a part of an element's diameter: judged, five times what
+is called heavy. From half to twice of it the same is told of these 11 machines."""
+_ELEMENT_STIFFNESS_SPREAD = 0.15
+"""Prior deviation of the stiffness of rolling elements, as a part of that by their geometry, which
+is estimated: three per cent of a ball's diameter, one ball more or less, and the grooves' radii
+(judged: from 0.1 to 0.25 the same is told of these 11 machines)."""
 _MOST_HYSTERESIS = 0.9
-"""Part of the rated torque that hysteresis takes at most: with all of it the gear would hold."""
-NONE = 1e-12
+"""Largest part of the rated torque that hysteresis takes: with all of it the gear would hold
+(judged: with 0.8 the same is told of these 11 machines)."""
+NEGLIGIBLE = 1e-12
 """A clearance or a compliance that is none: keeps divisions finite, and torques by the difference
 of two angles above rounding [m, rad/(N m)]."""
 
@@ -58,19 +65,21 @@ class Part(ABC):
     """A part of a joint."""
 
     joint: str
+    """Name of the joint."""
     component: Any
+    """The clearance or the gear that the part belongs to, as expected."""
 
     @abstractmethod
     def unknowns(self, also: Collection[str]) -> Iterator[Unknown]:
-        """What is unknown of it, if `also` of `ALSO` is asked for."""
+        """Unknowns of the part, with those of `ALSO` that are asked for."""
 
     @abstractmethod
     def holding(self, values: Mapping[str, float]) -> Any:
-        """The joint or the gear with values of unknowns by their names; others do not count."""
+        """The component with values of the part's unknowns by name; other names are ignored."""
 
 
 class Journal(Part):
-    """Surfaces that slide in each other."""
+    """A journal that slides in its bore: clearances and friction."""
 
     component: Clearance
 
@@ -80,26 +89,37 @@ class Journal(Part):
             yield Unknown(self.joint, name, "m", value, value, most)
         if coefficient := friction_of(self.component):
             yield Unknown(
-                self.joint, "friction", "", coefficient, coefficient, 2.0, model_error=ROUGH
+                self.joint,
+                "friction",
+                "",
+                coefficient,
+                coefficient,
+                2.0,
+                model_error=FRICTION_MODEL_ERROR,
             )
 
     def holding(self, values: Mapping[str, float]) -> Clearance:
         sizes = {
-            name: max(values[name], NONE) for name in self.component.clearances if name in values
+            name: max(values[name], NEGLIGIBLE)
+            for name in self.component.clearances
+            if name in values
         }
         changed = self.component.with_clearances(sizes)
         if friction_of(self.component) is not None and "friction" in values:
             law, coefficient = self.component.friction, values["friction"]
             known = law.coefficients
             scaled = law.scaled(coefficient / known["mu_d"]) if known["mu_d"] > 0.0 else None
-            rough: dict[str, float] = dict.fromkeys(known, coefficient)
-            changed = changed.with_friction(scaled or replace(law, **rough))
+            equal: dict[str, float] = dict.fromkeys(known, coefficient)
+            changed = changed.with_friction(scaled or replace(law, **equal))
         return changed
 
 
 class Elements(Part):
-    """Balls or rollers: their internal clearance, negative where they are preloaded, or the preload
-    of a pair; and their stiffness over that of their geometry."""
+    """Balls or rollers of a bearing: clearance or preload, place of the cage, and stiffness.
+
+    The internal clearance is negative where they are preloaded; a pair has its preload instead. The
+    stiffness is a factor of that by their geometry.
+    """
 
     component: RollingBearing
 
@@ -128,15 +148,15 @@ class Elements(Part):
             bearing.cage_angle + turn, False, least=bearing.cage_angle - turn, model_error=0.0,
         )  # fmt: skip
         sought = "stiffness" in also
-        spread = math.inf if sought else FACTOR
+        spread = math.inf if sought else _ELEMENT_STIFFNESS_SPREAD
         yield Unknown(
-            self.joint, "stiffness_factor", "", 1.0, 1.0, SOFTEST, sought, spread,
-            least=1.0 / SOFTEST,
+            self.joint, "stiffness_factor", "", 1.0, 1.0, COMPLIANCE_RANGE, sought, spread,
+            least=1.0 / COMPLIANCE_RANGE,
         )  # fmt: skip
 
     @property
     def period(self) -> float:
-        """Turn of the cage after which all is as before: rollers alternate [rad]."""
+        """Turn of the cage after which elements are where others were: rollers alternate [rad]."""
         return 2.0 * math.pi / self.component.count * (1.0 + self.component.roller_elements)
 
     def holding(self, values: Mapping[str, float]) -> RollingBearing:
@@ -149,23 +169,24 @@ class Elements(Part):
         return _changed(bearing, tuple(changes.items()))
 
 
-@lru_cache
+@lru_cache  # a bearing computes its geometry once
 def _changed(bearing: RollingBearing, changes: tuple[tuple[str, float], ...]) -> RollingBearing:
     return replace(bearing, **cast(Any, dict(changes)))
 
 
 class Springs(Part):
-    """What holds a joint without play, or the seat of a bearing: how it gives way."""
+    """Springs that hold a joint without play, or the seat of a bearing: their compliances."""
 
     component: Clearance
 
     @property
     def elasticity(self) -> Elasticity:
+        """The springs of the joint or, of a bearing, those of its seat."""
         return cast(Elasticity, self.component.springs or cast(Any, self.component).seat)
 
     @cached_property
     def compliances(self) -> dict[str, float]:
-        """By way, of `SPRINGS`: of the first stiffness [m/N, rad/(N m)]."""
+        """Expected compliance at small loads, by way of `SPRINGS` [m/N, rad/(N m)]."""
         diagonal = np.diag(self.elasticity.stiffness)
         rows = {RELATIVE.index(freedom) for freedom in self.component.freedoms} & set(
             self.elasticity.held
@@ -176,10 +197,12 @@ class Springs(Part):
     def unknowns(self, also: Collection[str]) -> Iterator[Unknown]:
         for way, value in self.compliances.items():
             unit = "rad/(N*m)" if way in ("tilt", "torsional") else "m/N"
-            yield Unknown(self.joint, f"{way}_compliance", unit, value, value, SOFTEST * value)
+            yield Unknown(
+                self.joint, f"{way}_compliance", unit, value, value, COMPLIANCE_RANGE * value
+            )
 
     def sunk(self, loads: np.ndarray) -> dict[str, np.ndarray]:
-        """Displacements under loads (n, 6), by way, with all others zero, (n, 6) [m, rad]."""
+        """Displacements under loads (n, 6), by way: its components, all others zero, (n, 6)."""
         free = ABOUT_AXIS if self.component.springs is None else cast(Any, self.component).free
         total = self.elasticity.sunk(loads, free)
         held = [RELATIVE.index(freedom) for freedom in self.component.freedoms]
@@ -192,7 +215,7 @@ class Springs(Part):
 
     def holding(self, values: Mapping[str, float]) -> Clearance:
         softer = {
-            way: max(values[f"{way}_compliance"] / nominal, NONE)
+            way: max(values[f"{way}_compliance"] / nominal, NEGLIGIBLE)
             for way, nominal in self.compliances.items()
             if f"{way}_compliance" in values
         }
@@ -205,7 +228,7 @@ class Springs(Part):
                 changes[name] = getattr(old, name) / factor
             if curve := getattr(old, f"{name}_curve"):
                 changes[f"{name}_curve"] = [(x, force / factor) for x, force in curve]
-        if old.matrix is not None:
+        if old.matrix is not None:  # scaled from both sides, so that it stays positive definite
             root = np.ones(6)
             for way, factor in softer.items():
                 root[list(SPRINGS[way])] = factor**-0.5
@@ -216,13 +239,13 @@ class Springs(Part):
 
 
 class Teeth(Part):
-    """A gear: its play, its stiffness, or that of each piece of its curve, and its hysteresis."""
+    """A gear: play, compliance of each piece of its curve, hysteresis and lost motion."""
 
     component: Gearing
 
     @cached_property
     def stiffness(self) -> tuple[float, ...]:
-        """Of the pieces of its curve [N m/rad]: K1, K2 and K3 of strain-wave gears."""
+        """Stiffness of each piece of its curve [N m/rad]: K1, K2 and K3 of strain-wave gears."""
         gear = self.component
         if isinstance(gear, StrainWaveGear):
             pieces = [gear.stiffness_1]
@@ -238,7 +261,7 @@ class Teeth(Part):
         return isinstance(self.component, StrainWaveGear | CycloidalGear)
 
     def unknowns(self, also: Collection[str]) -> Iterator[Unknown]:
-        """All but its compliance, of which `Machine` knows what is given."""
+        """Unknowns except the compliance, which `Machine` has, as it knows what is given."""
         gear, joint = self.component, self.joint
         if gear.play or isinstance(gear, Gear):
             yield Unknown(joint, "gear_play", "rad", gear.play, gear.play or 1e-3, 1.0)
@@ -246,12 +269,18 @@ class Teeth(Part):
             for k, piece in enumerate(self.stiffness[1:], 2):
                 value = 1.0 / piece
                 name, unit = f"gear_compliance_{k}", "rad/(N*m)"
-                yield Unknown(joint, name, unit, value, value, SOFTEST * value)
+                yield Unknown(joint, name, unit, value, value, COMPLIANCE_RANGE * value)
         if isinstance(gear, StrainWaveGear | CycloidalGear):
             if gear.hysteresis or "hysteresis" in also:
                 value = gear.hysteresis
                 yield Unknown(
-                    joint, "hysteresis", "rad", value, value or 2e-4, 1.0, model_error=ROUGH
+                    joint,
+                    "hysteresis",
+                    "rad",
+                    value,
+                    value or 2e-4,
+                    1.0,
+                    model_error=FRICTION_MODEL_ERROR,
                 )
             if gear.stated_lost_motion is not None:
                 value = gear.stated_lost_motion
@@ -271,13 +300,15 @@ class Teeth(Part):
         softer = (
             self.stiffness[0] * values["gear_compliance"] if "gear_compliance" in values else 1.0
         )
-        for k, piece in enumerate(self.stiffness, 1):  # else the whole curve in proportion
+        for k, piece in enumerate(self.stiffness, 1):
+            # A piece without a value of its own follows the first one in proportion.
             give = values.get(f"gear_compliance_{k}", softer / piece)
             name = f"stiffness_{k}" if isinstance(gear, StrainWaveGear) else "stiffness"
             if give != 1.0 / piece:
-                changes[name] = 1.0 / max(give, NONE)
+                changes[name] = 1.0 / max(give, NEGLIGIBLE)
         if not isinstance(gear, StrainWaveGear | CycloidalGear):
             return replace(gear, **changes)
+        # Hysteresis and lost motion, each as large as the gear can have it at most.
         stated = values.get("lost_motion", gear.stated_lost_motion)
         changes["hysteresis"] = 0.0
         bare = replace(gear, **changes, stated_lost_motion=None)
@@ -292,13 +323,13 @@ class Teeth(Part):
         return replace(full, stated_lost_motion=min(max(stated, least), most))
 
 
-@lru_cache
+@lru_cache  # a gear with hysteresis solves for its curve
 def _geared(part: Teeth, values: tuple[tuple[str, float], ...]) -> Gearing:
     return part._held(dict(values))
 
 
 def bearing_parts(joint: str, bearing: Clearance) -> list[Part]:
-    """Parts of a joint with clearance or springs."""
+    """Parts of a joint with clearance or springs that can be identified."""
     parts: list[Part] = []
     if isinstance(bearing, RollingBearing):
         parts.append(Elements(joint, bearing))
@@ -312,14 +343,14 @@ def bearing_parts(joint: str, bearing: Clearance) -> list[Part]:
 
 
 def with_values(joint: str, bearing: Clearance, values: Mapping[str, float]) -> Clearance:
-    """A joint with other values of what can be unknown of it."""
+    """The joint with values of its parts' unknowns by name."""
     for kind in map(type, bearing_parts(joint, bearing)):
         bearing = kind(joint, bearing).holding(values)
     return bearing
 
 
 def springs_of(mechanism: Mechanism) -> dict[str, Springs]:
-    """By joint, but of the hinges of flexible links, which are one by one no unknowns."""
+    """Springs and seats by joint, except the hinges of flexible links, which are no unknowns."""
     hinges = {hinge for names in mechanism.hinges.values() for hinge in names}
     return {
         joint: part
@@ -330,7 +361,7 @@ def springs_of(mechanism: Mechanism) -> dict[str, Springs]:
 
 
 def friction_of(joint: Clearance) -> float | None:
-    """Friction coefficient of a journal's law; None where it has none that could be told."""
+    """Friction coefficient of a journal's law; None where there is none to identify."""
     value = joint.friction.coefficients.get("mu_d")
     known = isinstance(joint.play(False), JournalPlay)
     return None if value is None or not known else float(value)

@@ -1,16 +1,16 @@
-"""Which poses and motions would identify most: the Fisher information of what could be measured.
+"""Planning of measurements: the experiments with the most Fisher information about the unknowns.
 
-To identify play, an experiment is a pose that is passed slowly in both directions, with or without
-a push on the tool, or at which the machine stands and the tool is pushed one way and the other;
-each adds its information, the unknown offset of its place projected out first. What all experiments
-share and nobody knows, how the machine gives way, is estimated with the unknowns; for that each
-push is made with two sizes. To calibrate, an experiment is a pose at which the tool is measured.
-Experiments are chosen one after the other, each time the one after which the sum of the unknowns'
-logarithmic variances is least (`planned`).
-
-Only what can be done is offered: poses, and the ways to them, within the joints' limits and free of
-self-collision, with loads within the limits of effort. No two experiments of a plan are alike:
-where the same is done, some joint or the tool must be `APART` elsewhere (`distances`).
+1. Experiments that can be done are listed (`experiments`). To identify play, each is a pose that is
+   passed slowly in both directions, with or without a push on the tool, or at which the machine
+   stands and the tool is pushed one way and the other. To calibrate, it is a pose at which the tool
+   is measured. Poses, and the ways to them, are within the joints' limits and free of
+   self-collision (`free_poses`), loads within the limits of effort (`_bearable`).
+2. The Fisher information of each is computed by the static model at expected values
+   (`informations`), the unknown offset of its place projected out first. Compliances, which all
+   experiments share, are estimated with the unknowns; for that each push is made with two sizes.
+3. Experiments are chosen one after the other (`planned`), each time the one after which the sum of
+   the unknowns' logarithmic variances is least. No two are alike: where the same is done, some
+   joint or the tool must be `APART` elsewhere (`distances`).
 """
 
 from __future__ import annotations
@@ -27,13 +27,16 @@ from jointplay.accuracy.poses import moving, over_workspace
 from jointplay.base.errors import JointplayError, require_a, require_positive
 from jointplay.base.schema import known_keywords
 from jointplay.base.tables import Table, few
+from jointplay.estimate.columns import Key
+from jointplay.estimate.known import LARGEST_SHARE, narrow
 from jointplay.estimate.least_squares import LeastSquares, basis, partners
 from jointplay.estimate.machine import TOOL, WAYS, Given, Machine, compliances
-from jointplay.estimate.measurement import SHOWN, Key, Visits, tool_positions
+from jointplay.estimate.measurement import SHOWN
 from jointplay.estimate.model import StaticModel
 from jointplay.estimate.nuisances import offsets
 from jointplay.estimate.parts import WOUND
-from jointplay.estimate.unknowns import LARGEST_SHARE, MODEL_ERROR, NORMAL, TINY, Unknown
+from jointplay.estimate.unknowns import MODEL_ERROR, NORMAL_QUANTILE, TINY, Unknown
+from jointplay.estimate.visits import Visits, tool_positions
 from jointplay.model.collisions import SelfCollision
 from jointplay.model.mechanism import Mechanism
 from jointplay.simulation.loads.drive import JointFriction, urdf_friction
@@ -41,50 +44,57 @@ from jointplay.simulation.motion.cartesian import joint_limits
 from jointplay.simulation.result.result import AXES
 
 NOISE = {"tool": 20e-6, "link": 1e-4, "torque": 0.1}
-"""Of single records, where nothing better is known [m, rad, N m] (judged; given by
-`noise`, and stated with the plan)."""
+"""Standard deviation of a record by kind of signal, where nothing better is known [m, rad, N m]
+(judged; another can be given, and it is stated with the plan)."""
 RECORDS = 25
-"""Of a visit, whose mean is taken (judged: half a second at 50 Hz; stated with the plan)."""
+"""Number of records of a visit, whose mean is taken (judged: half a second at 50 Hz; stated with
+the plan)."""
 SPEED = 0.2
-"""At which poses are passed [rad/s or m/s] (judged: slow for robots; stated with the plan)."""
+"""Speed at which poses are passed [rad/s or m/s] (judged: slow for robots; stated with the
+plan)."""
 PUSH_N = 20.0
-"""With which the tool is pushed [N] (judged; given by `push`)."""
+"""Force with which the tool is pushed, where none is given [N] (judged)."""
 _STRONG_WEIGHTS, _STRONGEST_N = 2.0, 100.0
-"""Weights of the machine with which advice pushes, too, and the most [N] (judged: of 30 unknowns
+"""Stronger push of advice, in weights of the machine, and its limit [N] (judged: of 30 unknowns
 that 15 machines of benchmarks/truth/identify.py leave open it is what helps 8)."""
 POSES = 48
-"""Among which a plan chooses, and of a third as many advice after a measurement (measured: from 32
-the widest interval of four plans of a UR5 is a fifth wider; with 32 advice determines as many of
-these 30)."""
+"""Number of poses among which a plan chooses; advice after a measurement, among a third (measured:
+from 32 the widest interval of four plans of a UR5 is a fifth wider; with 32 advice determines as
+many of these 30)."""
 SIZES = (1.0, 0.4)
-"""Of a push, where play is to be told from elasticity."""
-_WAY = 0.5
-"""That joints go before and beyond a pose, unless limits leave less room [rad or m] (judged: far
+"""Sizes of a push, as parts of it, where play is to be told from elasticity: two at least
+(judged)."""
+_PASSING_WAY = 0.5
+"""Way of joints before and beyond a pose, unless limits leave less room [rad or m] (judged: far
 more than any play, so that all teeth have crossed it)."""
-_TRIED = 16
+_TRIED_PER_POSE = 16
 """Poses that are tried for each that is offered, until enough are free of self-collision (judged:
 robots in whose workspace fewer are free must be told which to use)."""
 APART = 0.1
-"""Distance below which two experiments that do the same are the same, by the robot's reach."""
+"""Distance below which two experiments that do the same are alike, as a part of the robot's reach
+(judged)."""
 _PRIOR = 1e-4
-"""Information that unknowns have before, in their scales: next to none."""
+"""Information that all unknowns have before, in their scales: a prior a hundred scales wide, which
+says nothing and keeps matrices regular."""
+_MENTIONED = 10.0
+"""Half width, in scales, up to which that of an unknown which cannot be told is mentioned."""
 
 
 @dataclass(frozen=True)
 class Experiment:
-    """Something that can be measured."""
+    """A pose at which something is measured: passed, stood at, pushed."""
 
     positions: tuple[float, ...]
-    """Of the moving joints [rad or m]."""
+    """Positions of the moving joints [rad or m]."""
     force: tuple[float, float, float] | None
-    """With which the tool is pushed, this and the other way [N]; None: not at all."""
+    """Force on the tool, pushed this and the other way [N]; None: not at all."""
     passes: bool
-    """Passed both ways (with each force, if any), or stood at."""
+    """Whether the pose is passed both ways (with each force, if any), or stood at."""
     sizes: tuple[float, ...] = SIZES
-    """Parts of the force with which the tool is pushed, too."""
+    """Parts of the force with which the tool is pushed."""
 
     def instruction(self, joints: Sequence[str]) -> str:
-        """One line."""
+        """Instruction for who measures, in one line."""
         pose = ",".join(f"{n}={x:.3g}" for n, x in zip(joints, self.positions, strict=True))
         if self.force is None:
             return f"{'pass slowly both ways' if self.passes else 'measure the tool at'}: {pose}"
@@ -99,7 +109,7 @@ class Experiment:
 
 @dataclass(frozen=True)
 class MeasurementPlan:
-    """Experiments in the order in which they should be made, and what they would tell."""
+    """A plan: experiments in their order, and the intervals that they would give."""
 
     joints: tuple[str, ...]
     unknowns: tuple[Unknown, ...]
@@ -108,31 +118,33 @@ class MeasurementPlan:
     """Expected 95 % half widths before any and after each experiment, (experiments + 1, unknowns)
     [SI]."""
     partners: tuple[tuple[str, ...], ...]
-    """Of each unknown, those that it cannot be told apart from."""
+    """Labels from which each unknown cannot be told apart."""
     basis: str
-    """What the expectations rest on, in words."""
+    """Text of what the expectations rest on."""
     gains: np.ndarray
     """Factor by which each experiment multiplies the determinant of the information about the
     unknowns that are sought, (experiments,)."""
     notes: tuple[str, ...] = ()
-    """What was left out of the choice, a line each."""
+    """Notes on what was left out of the choice, a line each."""
 
     def reason(self, number: int) -> str:
-        """Why an experiment was chosen: what it adds to the information, and who gains most."""
+        """Why an experiment was chosen: its gain of information, and which unknown gains most."""
         was, now = self.half_width[number : number + 2]
         text = "tells most of all by itself"
         if number:
             text = f"information x {self.gains[number]:.3g} (its determinant)"
-        limits = LARGEST_SHARE * np.array([unknown.scale for unknown in self.unknowns])
         known = [
-            i for i, unknown in enumerate(self.unknowns) if unknown.sought and now[i] <= limits[i]
-        ]
+            i for i, unknown in enumerate(self.unknowns)
+            if unknown.sought and narrow(unknown, unknown.scale, now[i])
+        ]  # fmt: skip
         if not known:
             return text
         best = max(known, key=lambda i: was[i] / now[i])
         unknown = self.unknowns[best]
-        begin = f"+- {unknown.shown(was[best])}" if was[best] <= limits[best] else "unknown"
-        return f"{text}; most about {unknown.label}: {begin} to +- {unknown.shown(now[best])}"
+        before = "unknown"
+        if narrow(unknown, unknown.scale, was[best]):
+            before = f"+- {unknown.shown(was[best])}"
+        return f"{text}; most about {unknown.label}: {before} to +- {unknown.shown(now[best])}"
 
     def __str__(self) -> str:
         lines = []
@@ -142,8 +154,8 @@ class MeasurementPlan:
         expected = zip(self.unknowns, self.half_width[-1], self.partners, strict=True)
         for unknown, half, confounded in expected:
             text = f"+- {unknown.shown(half)}"
-            if half > LARGEST_SHARE * unknown.scale:
-                near = "" if half > 10.0 * unknown.scale else f" ({text})"
+            if not narrow(unknown, unknown.scale, half):
+                near = "" if half > _MENTIONED * unknown.scale else f" ({text})"
                 acts = f": acts only together with {few(list(confounded))}" if confounded else near
                 text = f"cannot tell{acts}"
             if unknown.sought:
@@ -166,18 +178,18 @@ def plan_measurement(
     poses: np.ndarray | None = None,
     seed: int = 0,
 ) -> MeasurementPlan:
-    """Experiments that would tell most about a mechanism's play.
+    """Plan the experiments that would tell most about a mechanism's play.
 
     Args:
         mechanism: with the play that is expected.
         signals: what can be measured besides the motors' encoders: ``tool``, ``link``, ``torque``.
         noise: standard deviation of a record by kind of signal [SI]; `NOISE` where not given.
-        count: of experiments.
-        push: with which the tool can be pushed [N]; 0: not at all.
-        joint_friction: of the joints besides their bearings'; None takes the URDF's.
+        count: number of experiments.
+        push: force with which the tool can be pushed [N]; 0: not at all.
+        joint_friction: friction of joints besides that of their bearings; None takes the URDF's.
         also, known, stiffness: see `identify`.
         poses: configurations to choose from, (n, nq); None: spread over the workspace.
-        seed: of these.
+        seed: of the random poses.
 
     Raises:
         JointplayError: nothing has play; loops; a signal or number that cannot be; no pose is free
@@ -232,7 +244,7 @@ def planned(
     basis: str,
     notes: Sequence[str] = (),
 ) -> MeasurementPlan:
-    """The best of k experiments, one after the other, by what each tells of the unknowns."""
+    """Plan the best of k experiments, one after the other, by their information."""
     if count < 1:
         raise JointplayError(f"at least one experiment is needed, got {count}")
     alike = distances(mechanism, options) < APART
@@ -251,19 +263,23 @@ def planned(
 
 
 def _ways(mechanism: Mechanism) -> np.ndarray:
-    """How far joints go before and beyond a pose, (joints,): half their range both ways at most."""
+    """Way of each joint before and beyond a pose, (joints,); both are half its range at most."""
     low, high = joint_limits(mechanism, moving(mechanism))
-    return np.minimum(_WAY, np.where(high > low, high - low, np.inf) / 4.0)
+    return np.minimum(_PASSING_WAY, np.where(high > low, high - low, np.inf) / 4.0)
 
 
 def free_poses(
     mechanism: Mechanism, chosen: np.ndarray | None, seed: int, count: int = POSES
 ) -> tuple[np.ndarray, list[str]]:
-    """Configurations that, with the ways to them, hit nothing of the robot, (n, nq), and notes."""
+    """Configurations that, with the ways to them, are free of self-collision, (n, nq), and notes.
+
+    Of those that are `chosen`, (m, nq), or of random ones, of which `count` are enough.
+    """
     shapes, names, steps = SelfCollision(mechanism), moving(mechanism), _ways(mechanism)
     at = [mechanism.coordinate(name) for name in names]
-    if chosen is None:  # with room for the ways
-        poses = over_workspace(mechanism, _TRIED * count, seed)
+    if chosen is None:
+        # Shrunk towards the middle of the limits, so that there is room for the ways.
+        poses = over_workspace(mechanism, _TRIED_PER_POSE * count, seed)
         low, high = joint_limits(mechanism, names)
         ends = np.isfinite(low) & np.isfinite(high) & (high > low)
         low, high = np.where(ends, low, 0.0), np.where(ends, high, 0.0)
@@ -308,10 +324,11 @@ def _bearable(mechanism: Mechanism, options: Sequence[Experiment]) -> list[Exper
 
 
 def distances(mechanism: Mechanism, options: Sequence[Experiment]) -> np.ndarray:
-    """How far k experiments are from each other, (k, k): infinitely, if they do different things.
+    """Distances between k experiments, (k, k), as parts of the robot's reach.
 
-    Else the longest way between the places that a joint or the tool has in their poses, by the
-    robot's reach: the largest distance between two of these in any pose.
+    The largest distance between the places that a joint, or the tool, has in both poses; infinite
+    between experiments that do different things. The reach is the largest distance between two
+    joints, or a joint and the tool, in any of the poses.
     """
     ideal, names = mechanism.ideal(), moving(mechanism)
     model, data = ideal.model, ideal.data
@@ -334,7 +351,7 @@ def distances(mechanism: Mechanism, options: Sequence[Experiment]) -> np.ndarray
 
 
 def sizes(machine: Machine, unknowns: Sequence[Unknown]) -> tuple[float, ...]:
-    """Parts of a push that are needed: one if the machine is known to be rigid."""
+    """Sizes of a push that are needed, as parts of it: one if the machine is known to be rigid."""
     ways = [f"{name} {way}" for name in moving(machine.mechanism) for way in WAYS]
     soft = any(
         machine.compliance(label).spread > 0.0
@@ -347,7 +364,7 @@ def sizes(machine: Machine, unknowns: Sequence[Unknown]) -> tuple[float, ...]:
 def experiments(
     mechanism: Mechanism, poses: np.ndarray, push: float, parts: tuple[float, ...]
 ) -> list[Experiment]:
-    """All that can be done at configurations (n, nq), with these parts of a push [N]."""
+    """All experiments at configurations (n, nq), with these parts of a push [N]."""
     if push:
         require_positive("push", push, "N")
     options = []
@@ -362,23 +379,26 @@ def experiments(
 
 @dataclass(frozen=True)
 class Information:
-    """Of k experiments, about p unknowns by their scales and c compliances by theirs."""
+    """Fisher information of k experiments about p unknowns and c compliances, in their scales."""
 
     gains: np.ndarray
-    """Shape (k, p + c, p + c)."""
+    """Information of each experiment, shape (k, p + c, p + c)."""
     before: np.ndarray
-    """What is known before, shape (p + c, p + c)."""
+    """Information of the priors, shape (p + c, p + c)."""
     labels: tuple[str, ...]
-    """Of the unknowns and the compliances, (p + c,)."""
+    """Labels of the unknowns and the compliances, (p + c,)."""
 
     @classmethod
     def of(cls, problem: LeastSquares, theta: np.ndarray, part: np.ndarray) -> Information:
-        """Of the parts of any measurement, at unknowns (p,); by the part of each number, (m,)."""
+        """Information of the parts of a measurement at unknowns (p,).
+
+        `part` is the number of the part that each measured number belongs to, (m,).
+        """
         effect, m = problem.project(problem.effects(theta)), len(problem.measured)
-        parts = [effect[:m][part == unknown] for unknown in range(int(part.max()) + 1)]
-        known = effect[m:].T @ effect[m:]
+        parts = [effect[:m][part == number] for number in range(int(part.max()) + 1)]
+        prior = effect[m:].T @ effect[m:]
         labels = tuple(unknown.label for unknown in problem.unknowns)
-        return cls(np.array([unknown.T @ unknown for unknown in parts]), known, labels)
+        return cls(np.array([rows.T @ rows for rows in parts]), prior, labels)
 
 
 def informations(
@@ -389,7 +409,8 @@ def informations(
     options: Sequence[Experiment],
     theta: np.ndarray | None = None,
 ) -> Information:
-    """Fisher information of each experiment, at `theta` (p,) or the nominal values."""
+    """Fisher information of each experiment by the static model, at `theta` (p,) or the nominal
+    values."""
     visits = _visits(machine.mechanism, options)
     model = StaticModel(machine, visits, keys, unknowns)
     tool = tool_positions(machine.mechanism, visits.joints, visits.position)
@@ -398,8 +419,9 @@ def informations(
     torques = np.array([kind == "torque" for kind, _ in keys])
     held = visits.stopped[:, None] & torques  # the drive may hold any part of friction
     at = np.array([unknown.nominal for unknown in unknowns]) if theta is None else theta
+    # At a play of zero no slope shows what more of it would do: half of the scale at least.
     least = [x.least if x.least < 0.0 else LARGEST_SHARE * x.scale for x in unknowns]
-    at = np.maximum(at, least)  # of none at all no slope shows what more would do
+    at = np.maximum(at, least)
     problem = LeastSquares(
         unknowns, lambda x: model.predict(x).ravel(), np.zeros(n * c), np.tile(error, n)
     )
@@ -421,7 +443,7 @@ def informations(
 
 
 def prior(unknowns: Sequence[Unknown], model: StaticModel) -> tuple[np.ndarray, tuple[str, ...]]:
-    """What is known of unknowns and compliances before, by their scales, and their labels."""
+    """Information of the priors of unknowns and compliances, in their scales, and their labels."""
     soft = (give.unknown for give in model.elastic for _ in range(give.effect.shape[2]))
     priors = (*unknowns, *soft)
     known = [unknown.scale / unknown.spread for unknown in priors]
@@ -435,11 +457,18 @@ def offers(
     noise: Mapping[str, float],
     theta: np.ndarray,
 ) -> list[tuple[np.ndarray, list[str]]]:
-    """What could be measured besides: of each kind of experiment, simplest first, the information
-    (see `Information`) of k of them, and their texts.
+    """What could be measured besides, by kind of experiment, the simplest first.
 
-    At values `theta` (p,) of the unknowns, with the signals `keys` that are measured already and
-    the noise of a record by kind of signal [SI].
+    Args:
+        machine: whose.
+        unknowns: p of them.
+        keys: signals that are measured already.
+        noise: standard deviation of a record by kind of signal [SI].
+        theta: values of the unknowns, shape (p,).
+
+    Returns:
+        For each kind of experiment the information of k of them (`Information.gains`), and the
+        text of each.
     """
     mechanism, parts = machine.mechanism, sizes(machine, unknowns)
     weight = sum(body.mass for body in mechanism.model.inertias) * np.linalg.norm(mechanism.gravity)
@@ -469,7 +498,7 @@ def offers(
 
 
 def _visits(mechanism: Mechanism, options: Sequence[Experiment]) -> Visits:
-    """Each experiment's visits: passed this way and the other, under each push."""
+    """Visits of all experiments: passed this way and the other, under each push."""
     names, strides = tuple(moving(mechanism)), _ways(mechanism)
     fastest = [mechanism.description.joints[name].speed or np.inf for name in names]
     rates = np.minimum(SPEED, fastest)
@@ -513,16 +542,20 @@ def _visits(mechanism: Mechanism, options: Sequence[Experiment]) -> Visits:
 def half_widths(unknowns: Sequence[Unknown], gain: np.ndarray) -> np.ndarray:
     """Expected half widths of 95 % intervals of p unknowns, shape (p,) [SI].
 
-    By information about them and about c compliances, shape (p + c, p + c).
+    By the information `gain` about them and about c compliances, shape (p + c, p + c).
     """
     covariance = np.linalg.inv(gain)[: len(unknowns), : len(unknowns)]
     scale = np.array([unknown.scale for unknown in unknowns])
-    return np.asarray(NORMAL * np.sqrt(np.diag(covariance)) * scale)
+    return np.asarray(NORMAL_QUANTILE * np.sqrt(np.diag(covariance)) * scale)
 
 
 def _partners(
     unknowns: Sequence[Unknown], information: Information, chosen: Sequence[int]
 ) -> tuple[tuple[str, ...], ...]:
+    """Labels from which each unknown cannot be told apart after the chosen experiments.
+
+    Directions whose standard deviation is more than `LARGEST_SHARE` of the scales count as null.
+    """
     gains, axes = np.linalg.eigh(information.before + information.gains[list(chosen)].sum(axis=0))
     null = axes[:, gains < 1.0 / LARGEST_SHARE**2]
     projector = null @ null.T
@@ -535,10 +568,11 @@ def _partners(
 def _greedy(
     unknowns: Sequence[Unknown], information: Information, count: int, alike: np.ndarray
 ) -> tuple[list[int], np.ndarray, np.ndarray]:
-    """Experiments, each the best after those before and `alike` (k, k) to none of them.
+    """Choose experiments, each the best after those before and `alike` (k, k) to none of them.
 
-    Besides the half widths before and after each, and by what it multiplies the determinant of the
-    information.
+    Returns:
+        Their numbers; half widths before any and after each [SI]; factor by which each multiplies
+        the determinant of the information about the unknowns that are sought.
     """
     chosen: list[int] = []
     widths, gains = [half_widths(unknowns, information.before)], []
@@ -552,8 +586,8 @@ def _greedy(
         after = np.array(
             [half_widths(unknowns, total + gain) / scale for gain in information.gains]
         )
-        # What is known better than the model itself tells no more; counted further, the plan would
-        # leave friction of robots known by half as well.
+        # An interval narrower than the model's own error tells no more; counted further, the plan
+        # would leave friction of robots known by half as well.
         worth = np.log(np.maximum(after[:, sought], MODEL_ERROR)).sum(axis=1)
         best = int(np.where(available, worth, np.inf).argmin())
         chosen.append(best)

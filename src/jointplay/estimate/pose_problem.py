@@ -1,9 +1,9 @@
-"""What static poses are explained by: columns, one for each cause of errors, and their fit.
+"""Problems of static poses: a measurement and the columns that may explain it, and their fit.
 
-A measurement of static poses is a `Problem`: it says what a model predicts by its own unknowns
-(where base and tool are) and by the coefficients of columns. Where its least squares ends is a
-`Fitted`, which says how well it predicts poses that it has not seen, how far each joint is turned
-by its load, and where the joints' frames are.
+A `Problem` states what a model predicts by its own unknowns (the poses of base and tool) and by the
+coefficients of columns, one for each cause of errors in a joint. `Problem.fit` gives a `Fitted`,
+which says how well it predicts poses that it has not seen, how far each joint is turned by its
+load, and where the joints' frames are.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ from jointplay.estimate.least_squares import Fit, LeastSquares, minimum
 from jointplay.estimate.unknowns import CONFIDENCE, ROUNDING, Loop, Unknown
 
 CONSTANT = ("offset", "placement")
-"""Kinds of terms that are the same in every pose."""
+"""Kinds of terms that are the same in every pose, so that a corrected URDF can have them."""
 _BY_LOAD = ("play", "compliance", "gear", "hysteresis")
-"""Kinds of terms that turn a joint by its load or by the way it came."""
+"""Kinds of terms that turn a joint by its load or by the way it came, and show in its loop."""
 
 
 @dataclass(frozen=True)
@@ -43,17 +43,20 @@ class Problem(ABC):
     @property
     @abstractmethod
     def kinds(self) -> dict[str, tuple[str, tuple[str, ...]]]:
-        """What was measured in a row: by the name of each kind of number, unit and components."""
+        """Kinds of measured numbers in a row, by name: unit and components."""
 
     @property
     @abstractmethod
     def frame(self) -> tuple[Unknown, ...]:
-        """Unknowns besides the coefficients."""
+        """Unknowns besides the coefficients of columns."""
 
     @abstractmethod
     def at(self, rows: np.ndarray) -> LeastSquares:
-        """The measurement at some rows: by kind a number for each row and component, then others.
-        Errors are weights, and the groups are of `grouped`."""
+        """Least squares of some rows.
+
+        Its numbers are, by kind, one for each row and component, then others that belong to no row.
+        Errors are only weights, and the groups those of `grouped`.
+        """
 
     @property
     def unknowns(self) -> tuple[Unknown, ...]:
@@ -61,26 +64,27 @@ class Problem(ABC):
 
     @cached_property
     def features(self) -> np.ndarray:
-        """Of the columns, shape (n, k)."""
+        """Features of the k columns, shape (n, k)."""
         none = np.zeros((len(self.poses), 0))
         return np.column_stack([none, *(column.feature for column in self.columns)])
 
     def owner(self, rows: np.ndarray) -> np.ndarray:
-        """Each number's row among these, but others'."""
+        """Index in `rows` of the row that each number of `at` belongs to; without the others."""
         return np.concatenate(
             [np.repeat(np.arange(len(rows)), len(axes)) for _, axes in self.kinds.values()]
         )
 
     def grouped(self, rows: np.ndarray, single: int = 0) -> np.ndarray:
-        """Numbers of a unit of poses have the same number; so many others, each its own, (m,)."""
+        """Group of each number of `at`: its unit of poses; `single` others have one each, (m,)."""
         units = self.poses.measured.units[rows][self.owner(rows)]
         return np.concatenate([units, -1 - np.arange(single)])
 
     def having(self, columns: Iterable[Column]) -> Self:
+        """The problem with other columns."""
         return replace(self, columns=tuple(columns))
 
     def errors(self, theta: np.ndarray, rows: np.ndarray) -> list[np.ndarray]:
-        """Measured less predicted, of each kind (n, components) [SI]."""
+        """Measured less predicted of some rows, for each kind (n, components) [SI]."""
         least = self.at(rows)
         off, errors, begin = -least.error * least.residual(theta)[: len(least.error)], [], 0
         for _, axes in self.kinds.values():
@@ -90,7 +94,7 @@ class Problem(ABC):
         return errors
 
     def fit(self, rows: np.ndarray, start: np.ndarray) -> Fitted:
-        """Least squares of some rows, from unknowns (p,)."""
+        """Fit some rows, from unknowns (p,) on."""
         least = self.at(rows)
         if self.linear:
             slope = least.project(least.effects(start))
@@ -103,18 +107,24 @@ class Problem(ABC):
 
 @dataclass(frozen=True, kw_only=True)
 class Fitted(Fit):
-    """Where least squares of some rows ended."""
+    """A fit of some rows of a problem of static poses."""
 
     problem: Problem
     rows: np.ndarray
 
     @property
     def coefficients(self) -> np.ndarray:
+        """Values of the coefficients of columns, (k,)."""
         return self.theta[len(self.problem.frame) :]
 
     def within(self, out: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Whether held-back rows' first kind lies in the 95 % regions that this fit predicts, of
-        its unknowns' covariance and of the scatter about it; and their mean square over it."""
+        """Compare held-back rows with the 95 % regions that this fit predicts, by the first kind.
+
+        The regions follow from the unknowns' covariance and the scatter about the fit.
+
+        Returns:
+            Whether each row lies in its region; its mean square error over the predicted one.
+        """
         least, axes = self.problem.at(out), len(next(iter(self.problem.kinds.values()))[1])
         m, shape = len(out) * axes, (len(out), axes)
         slope = least.project(least.effects(self.theta))[:m].reshape(*shape, -1)
@@ -124,13 +134,14 @@ class Fitted(Fit):
         spread = slope @ self.covariance @ np.swapaxes(slope, 1, 2)
         spread = self.stretch**2 * (spread + scatter[:, :, None] * np.eye(axes))
         distance = np.einsum("na,na->n", off, np.linalg.solve(spread, off[:, :, None])[:, :, 0])
-        return distance <= axes * fisher.ppf(
-            CONFIDENCE, axes, max(self.freedom, 1.0)
-        ), distance / axes
+        limit = axes * fisher.ppf(CONFIDENCE, axes, max(self.freedom, 1.0))  # Hotelling's T squared
+        return distance <= limit, distance / axes
 
     def corrections(self) -> dict[str, pin.SE3]:
-        """By joint, where this model has its frame, in the nominal one and with the joint at zero
-        by its encoder: what `placement` and `offset` say."""
+        """Poses of the joints' frames by this model in their nominal frames, by joint.
+
+        With the joint at zero by its encoder: what `placement` and `offset` say.
+        """
         poses, moved = self.problem.poses, np.zeros((len(self.problem.poses.names), COORDINATE + 1))
         for column, value in zip(self.problem.columns, self.coefficients, strict=True):
             if column.term.kind in CONSTANT:
@@ -145,9 +156,9 @@ class Fitted(Fit):
         return corrections
 
     def loops(self) -> Iterator[Loop]:
-        """Of each joint whose play was fitted: how far its load and the way it came turn it.
+        """Loops of joints whose play was fitted: how far load and approach turn each.
 
-        By what a turn of the joint itself would do to what was measured in each row.
+        Measured are partial residuals, by what a turn of the joint does to each row.
         """
         problem, rows = self.problem, self.rows
         poses, owner, first = problem.poses, problem.owner(rows), len(problem.frame)

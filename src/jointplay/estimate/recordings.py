@@ -1,8 +1,12 @@
-"""Measurements out of recordings: ROS 2 bags (MCAP) and LeRobot datasets.
+"""Measurements from recordings: ROS 2 bags (MCAP) and LeRobot datasets.
 
 Neither says which of its signals is which of a mechanism's, and a LeRobot dataset has no units:
 `Recording` states both, and nothing is guessed. Signals keep the times of their own records; that
 their instruments' clocks agree is not assumed.
+
+1. Records of each source are read, of a bag (`_bag`) or a dataset (`_dataset`).
+2. Recorded names are mapped to joints and axes, numbers to SI (`_signals`).
+3. All signals are put on one axis of time, without interpolation (`_together`).
 """
 
 from __future__ import annotations
@@ -27,7 +31,8 @@ from jointplay.base.schema import known_keywords
 from jointplay.simulation.motion import rosbag
 
 if TYPE_CHECKING:
-    from jointplay.estimate.measurement import Key, Measurement
+    from jointplay.estimate.columns import Key
+    from jointplay.estimate.measurement import Measurement
 
 _NANO = 1_000_000_000
 _JOINT_FIELDS = {"motor": "position", "link": "position", "torque": "effort"}
@@ -43,39 +48,40 @@ _VECTORS = {
         "geometry_msgs/msg/Vector3Stamped": "vector",
     },
 }
-"""Vectors with x, y and z in messages: their fields by kind of signal and of message."""
+"""Fields of vectors with x, y and z, by kind of signal and type of message."""
 _READ_FROM = {kind: [rosbag.STATE] for kind in _JOINT_FIELDS} | {
     kind: list(messages) for kind, messages in _VECTORS.items()
 }
-"""Messages by kind of signal."""
+"""Types of message from which each kind of signal is read."""
 _INPUTS = ("motor", "link", "force")
-"""Kinds of signal that must be known at the times of the others."""
+"""Kinds of signal that are interpolated, as they must be known at the times of the others."""
 _SUFFIXES = {
     kind: ("effort",) if kind == "torque" else ("pos", "position") for kind in _JOINT_FIELDS
 }
-"""What LeRobot puts behind the name of a motor, by kind of signal."""
+"""Suffixes of LeRobot behind the name of a motor, by kind of signal."""
 _EXAMPLES = {"motor": "deg", "link": "deg", "torque": "N*m", "tool": "mm", "force": "N"}
-"""Units by kind of signal, for messages."""
+"""Units by kind of signal, for examples in messages."""
 _MAP = re.compile(r"(?:([-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*\*\s*|(-)\s*)?(\S+)(?:\s+([-+])\s*(\S.*))?")
 """FACTOR * NAME + OFFSET: factor, sign, name, sign of the offset, offset."""
 _LFS = b"version https://git-lfs"
-"""How the text begins that Git puts in the place of a large file."""
+"""Begin of the text that Git puts in the place of a large file."""
 _LAYOUTS = {
     2: "data/chunk-{episode_chunk:03d}/episode_{episode_index:06d}.parquet",
     3: "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet",
 }
-"""Where the episodes of a LeRobot dataset are, by the first number of its format."""
+"""Paths of the episodes of a LeRobot dataset, by the first number of its format."""
 
 
 class _Source(NamedTuple):
-    """What a signal is read from."""
+    """A topic or feature from which signals of one kind are read."""
 
     kind: str
     joint: str
-    """The only one that it is read for, or empty."""
+    """The only joint that it is read for, or empty."""
     name: str
+    """Name of the topic or feature."""
     unit: str
-    """Of the feature; empty for a topic."""
+    """Unit of the feature; empty for a topic."""
 
 
 class _Map(NamedTuple):
@@ -84,7 +90,7 @@ class _Map(NamedTuple):
     factor: float
     name: str
     offset: str = ""
-    """With its unit."""
+    """Text of the offset with its unit."""
 
 
 _Series = tuple[np.ndarray, dict[str, np.ndarray]]
@@ -110,7 +116,7 @@ class Recording:
     """Recorded name by joint (or axis x, y, z), where they differ; with a factor and an offset if
     zeros, directions or units differ: ``{"elbow": "-elbow_flex.pos + 90 deg"}``."""
     episode: int | None = None
-    """Of a dataset; None takes the only one."""
+    """Number of the episode of a dataset; None takes the only one."""
     world: Sequence[str] = ()
     """Frames of a bag whose axes are the world's, besides ``world``."""
 
@@ -140,6 +146,7 @@ class Recording:
         return files.is_file(Path(self.path) / "meta/info.json")
 
     def _sources(self) -> list[_Source]:
+        """The sources, read from their texts."""
         sources = []
         for signal, text in self.sources.items():
             joint, _, kind = signal.strip().rpartition(" ")
@@ -167,6 +174,7 @@ class Recording:
         return sources
 
     def _maps(self) -> dict[str, _Map]:
+        """The maps of recorded names, read from their texts, by joint or axis."""
         maps = {}
         for target, text in self.names.items():
             match = _MAP.fullmatch(text.strip())
@@ -209,8 +217,8 @@ class Recording:
         recorded = dict.fromkeys(name for _, values in series.values() for name in values)
         for mapping in maps.values():
             require_known("recorded name", mapping.name, recorded)
+        # Times of each signal's records, integers [ns], and values [SI].
         signals: dict[Key, tuple[np.ndarray, np.ndarray]] = {}
-        """Times of each signal's records, integers [ns], and values [SI]."""
         for source in sources:
             if source.joint and source.joint not in joints:
                 raise MissingName("joint", source.joint, joints)
@@ -349,6 +357,7 @@ class Recording:
         ]
 
     def _episode(self, root: Path, info: Mapping[str, Any], parquet: Any) -> tuple[Path, int]:
+        """File that holds the chosen episode of a dataset, and the episode's number."""
         version = str(info["codebase_version"])
         match = re.fullmatch(r"v([23])\.\d+", version)
         if match is None:
@@ -388,7 +397,7 @@ class Recording:
         maps: Mapping[str, _Map],
         notes: list[str],
     ) -> dict[Key, np.ndarray]:
-        """What one source says of the joints or axes [SI]; `notes` grow by what is left out."""
+        """Signals of joints or axes from one source [SI]; `notes` grow by what is left out."""
         from jointplay.estimate.measurement import JOINT_UNITS, TOOL_UNITS
 
         kind, joint, name, unit = source
@@ -438,7 +447,7 @@ class Recording:
         maps: Mapping[str, _Map],
         notes: list[str],
     ) -> _Map | None:
-        """What is recorded of a joint or axis; None for nothing."""
+        """Map of a joint or axis: the given one, else by its name; None if nothing is recorded."""
         if target in maps and maps[target].name in recorded:
             return maps[target]
         named = {mapping.name for mapping in maps.values()}
@@ -474,6 +483,7 @@ def is_recording(path: str | Path) -> bool:
 
 
 def _bag_file(path: Path) -> Path:
+    """The MCAP file of a bag, which may be a folder."""
     if not files.is_folder(path):
         return path
     inside = sorted(path.glob("*.mcap"))
@@ -485,7 +495,7 @@ def _bag_file(path: Path) -> Path:
 
 
 def _getter(kind: str, message: str) -> Callable[[Any], dict[str, float]]:
-    """From a message of a kind to values by the recorded name."""
+    """Function from a message to values by recorded name, for a kind of signal and of message."""
     if kind not in _JOINT_FIELDS:
         vector = attrgetter(_VECTORS[kind][message])
         return lambda record: {axis: getattr(vector(record), axis) for axis in "xyz"}
@@ -513,6 +523,7 @@ def _names(feature: Mapping[str, Any]) -> list[str]:
 
 
 def _place(root: Path, episode: int, parquet: Any) -> dict[str, int]:
+    """Numbers of chunk and file of an episode in a dataset of format 3."""
     columns = ["data/chunk_index", "data/file_index"]
     for file in sorted((root / "meta/episodes").glob("chunk-*/file-*.parquet")):
         files.check_plain(file, rosbag.MOST_BYTES)
@@ -524,7 +535,7 @@ def _place(root: Path, episode: int, parquet: Any) -> dict[str, int]:
 
 
 def _si(text: str, goal: str, name: str) -> float:
-    """Number in SI of a text with a unit; an error names `what` it is."""
+    """Number of a text with a unit, in the SI unit `goal`; errors begin with `name`."""
     from jointplay.base.units import convert
 
     try:

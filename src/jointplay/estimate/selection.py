@@ -1,13 +1,16 @@
-"""Which causes of errors predict best what a fit has not seen, by more than chance.
+"""Selection of causes of errors by cross-validation: those that predict held-back poses better.
 
-Forward selection with cross-validation. Of all causes that are not in the model yet, each is fitted
-to all rows but those of a fold, which it then predicts, fold by fold. The cause is added whose
-predictions are best, if they are better by more than chance (`improves`) than those without it;
-among causes that do as well, the one with the fewest unknowns. When none is left, those causes are
-dropped again without which the predictions are not worse by more than chance.
+Forward selection, then backward elimination:
 
-Features that have to be chosen (play's friction and transition, the place of a jump) are chosen
-from a table, anew by the rows of each fold.
+1. Each cause that is not in the model yet is fitted with those that are, to all rows but those of a
+   fold, which are then predicted, fold by fold.
+2. The cause whose predictions are best is added if they are better than those without it by more
+   than chance (`known.improves`); of causes that do as well, the one with the fewest unknowns.
+3. When no cause is left that does, those are dropped without which predictions are not worse by
+   more than chance.
+
+Features with parameters that are not linear (friction and transition of play, the place of a jump)
+are chosen from a table, anew for the rows of each fold.
 """
 
 from __future__ import annotations
@@ -15,46 +18,38 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
-from scipy.stats import t as student
 
 from jointplay.base.errors import JointplayError
 from jointplay.estimate.kinematic_model import Term
+from jointplay.estimate.known import improves
 from jointplay.estimate.least_squares import basis
 from jointplay.estimate.pose_problem import Fitted, Problem
 from jointplay.estimate.static_poses import StaticPoses
 from jointplay.estimate.unknowns import ROUNDING, TINY
 
-CHANCE = 0.1
-"""Probability of chance below which a gain counts, one-sided: judged. On 59 random robots
-(benchmarks/truth/calibrate.py) with 0.05 or 0.2 one play more or less is told,
-none where there is none, and as many intervals hold."""
-LEAST_GAIN = 0.01
-"""Part by which held-back errors must shrink at least (RMS): judged. With thousands of poses any
-cause is beyond chance; on 59 random robots between 0 and 0.02 only more or fewer offsets are told,
-and all intervals hold alike."""
-
 
 @dataclass(frozen=True)
 class Step:
-    """One model that was tried: its causes, and its errors in training and on held-back poses."""
+    """A model that was tried: its causes, and its errors in training and on held-back poses."""
 
     terms: tuple[Term, ...]
     fitted: Fitted = field(repr=False)
     chosen: Mapping[int, int]
-    """Choice of columns whose feature depends on one, by their numbers."""
+    """Number of the chosen feature, by the number of each column that has several."""
     errors: Mapping[str, Sequence[np.ndarray]] = field(repr=False)
-    """By kind (n, components) [SI]: ``training``, and ``held_back``, each row by a fit that has not
-    seen it."""
+    """Errors of each kind, (n, components) [SI]: in ``training``, and ``held_back``, each row by a
+    fit that has not seen it."""
     within: np.ndarray = field(repr=False)
     """Whether each held-back row lay in its predicted 95 % region, shape (n,)."""
     excess: float
-    """By which held-back errors exceed what the fits predict."""
+    """RMS of held-back errors over what the fits predict of it, at least 1."""
     added: str = ""
-    """The term that it has beyond those kept before, or lacks (-)."""
+    """The term that it has beyond those kept before (+), or lacks (-)."""
     kept: bool = True
+    """Whether it became the model to which further terms were added."""
     gain: float = 0.0
     """Mean reduction of the squared weighted error of held-back rows."""
     margin: float = 0.0
@@ -72,11 +67,12 @@ class Step:
 
     @property
     def training(self) -> tuple[float, ...]:
-        """RMS of the errors of each kind, lengths of vectors [SI]."""
+        """RMS length of the errors of each kind, of rows that the fit has seen [SI]."""
         return self._rms("training")
 
     @property
     def held_back(self) -> tuple[float, ...]:
+        """RMS length of the errors of each kind, of rows that the fit has not seen [SI]."""
         return self._rms("held_back")
 
     def _rms(self, which: str) -> tuple[float, ...]:
@@ -89,38 +85,8 @@ class Step:
         return {"terms": [str(term) for term in self.terms], **numbers}
 
 
-class Gain(NamedTuple):
-    """Of predictions of held-back rows by one model over another's."""
-
-    counts: bool
-    """Whether errors shrink by more than chance."""
-    mean: float
-    """Mean reduction of the squared weighted error."""
-    margin: float
-    """What the mean had to exceed."""
-
-
-def improves(before: np.ndarray, after: np.ndarray, units: np.ndarray) -> Gain:
-    """Whether losses of held-back rows shrink by more than chance.
-
-    The mean of the differences over independent units (rows, points, groups) must exceed the
-    one-sided 90 % quantile of Student's t times its standard error, and the root of the mean loss
-    must shrink by one per cent.
-
-    Args:
-        before, after: squared weighted errors of the rows, shape (n,).
-        units: number of the unit of each row, shape (n,).
-    """
-    names = np.unique(units)
-    gains = np.array([np.mean(before[units == u] - after[units == u]) for u in names])
-    m = len(gains)
-    margin = np.inf if m < 2 else student.ppf(1.0 - CHANCE, m - 1) * gains.std(ddof=1) / np.sqrt(m)
-    smaller = np.sqrt(after.mean()) < (1.0 - LEAST_GAIN) * np.sqrt(before.mean())
-    return Gain(bool(gains.mean() > margin and smaller), float(gains.mean()), float(margin))
-
-
 def held_back(poses: StaticPoses, folds: int | str) -> tuple[list[np.ndarray], str]:
-    """Rows held back together, and how a report says it."""
+    """The folds, as numbers of the rows that are held back together, and a text that names them."""
     n = len(poses)
     choices = "a number from 2 to the number of rows, rows, groups or points"
     if folds not in ("rows", "groups", "points") and not isinstance(folds, int):
@@ -148,47 +114,55 @@ def held_back(poses: StaticPoses, folds: int | str) -> tuple[list[np.ndarray], s
 
 @dataclass
 class Selection:
-    """Fits of sets of terms to all rows and to folds, and what was tried."""
+    """A selection under way: the poses, their folds, and the models tried so far."""
 
     base: Problem
-    """Without columns."""
+    """The measurement, without columns."""
     folds: list[np.ndarray]
     """Rows that are held back together."""
     start: np.ndarray
     """Unknowns besides the coefficients, where the last fit had them."""
     joints: tuple[str, ...]
-    """Whose play is asked for."""
+    """Joints whose play is asked for."""
     tick: Callable[[], object] = int
-    """Called after each fit."""
+    """Called after each fit, for a progress bar."""
     steps: list[Step] = field(default_factory=list)
+    """Models that were tried, in order."""
     excess: float = 1.0
-    """By which held-back errors exceed what the fits predict; intervals are enlarged by it."""
+    """`Step.excess` of the selected model; intervals are enlarged by it."""
 
     @cached_property
     def rows(self) -> np.ndarray:
+        """Numbers of all rows, (n,)."""
         return np.arange(len(self.base.poses))
 
     @cached_property
     def units(self) -> np.ndarray:
+        """Number of the independent unit of each row, (n,)."""
         return self.base.poses.measured.units
 
     def fit(
         self, terms: Sequence[Term], rows: np.ndarray, preferred: Mapping[int, int] | None = None
     ) -> tuple[Fitted, dict[int, int]]:
-        """Some terms, with features chosen as these rows have them, fitted to these rows; and the
-        choices by number of column: of those that these rows do not tell apart, the preferred."""
+        """Fit terms to some rows, with the features that fit these rows best.
+
+        Returns:
+            The fit; and the number of the chosen feature, by the number of each column that has
+            several. Of features that these rows do not tell apart it is the preferred one.
+        """
         columns = [column for term in terms for column in self.base.poses.columns(term)]
         start = np.concatenate([self.start, np.zeros(len(columns))])
         fitted, chosen = self.base.having(columns).fit(rows, start), {}
         open_columns = [i for i, column in enumerate(columns) if column.options is not None]
-        # Each in turn takes the best of its features, once more with the others as they then are.
+        # Coordinate descent: each column in turn takes the best of its features; a second round
+        # sees those that the others took.
         for _ in range(2):
             for i in open_columns:
                 gains, *_ = self.gains(self.base.having(columns), i, fitted.theta, rows)
                 best = int(gains.argmax())
-                liked = (preferred or {}).get(i, best)
-                if gains[liked] >= gains[best] * (1.0 - ROUNDING):
-                    best = liked
+                favourite = (preferred or {}).get(i, best)
+                if gains[favourite] >= gains[best] * (1.0 - ROUNDING):
+                    best = favourite
                 chosen[i] = best
                 options = columns[i].options
                 assert options is not None
@@ -200,12 +174,14 @@ class Selection:
     def gains(
         self, problem: Problem, i: int, theta: np.ndarray, rows: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """What each choice of the i-th column's feature does to first order, beside all other
-        unknowns: by how much the cost falls, and the coefficient, shape (choices,) each; and all
-        unknowns with it, shape (p, choices).
+        """Effect of each choice of the i-th column's feature, to first order.
 
-        As in the theorem of Frisch, Waugh and Lovell: what is left of the feature beside the others
-        is fitted to the residuals alone.
+        By the theorem of Frisch, Waugh and Lovell: the part of the feature that is orthogonal to
+        all other unknowns' effects is fitted to the residuals alone.
+
+        Returns:
+            By how much the cost falls, and the coefficient, shape (choices,) each; all unknowns
+            with it, shape (p, choices).
         """
         column, k = problem.columns[i], len(problem.frame) + i
         bare = replace(column, feature=np.ones(len(self.rows)))
@@ -216,7 +192,10 @@ class Selection:
         slope, residual = least.effects(theta), least.residual(theta)
         remaining = least.project(np.delete(slope, k, axis=1))
         span = basis(remaining)
-        features = np.ones((len(slope), options.shape[1]))  # also of what was known before
+        # The slope is that of a feature of one, so each row's is multiplied by its own feature.
+        # Numbers of no row (distances of points) count as not depending on it; the prior's row at
+        # the end stays.
+        features = np.ones((len(slope), options.shape[1]))
         features[: len(owner)] = options[rows][owner]
         features[len(owner) : len(least.measured)] = 0.0
         effect = least.project(slope[:, k, None] * features)
@@ -232,7 +211,7 @@ class Selection:
         )
 
     def tried(self, terms: Sequence[Term]) -> Step:
-        """A set of terms, fitted to all rows and to each fold."""
+        """The model of these terms: fitted to all rows, and tested on each fold."""
         n = len(self.rows)
         fitted, chosen = self.fit(terms, self.rows)
         self.start = fitted.theta[: len(self.start)]
@@ -257,13 +236,14 @@ class Selection:
         candidates: Sequence[Sequence[Term]],
         fits: Callable[[Sequence[Term], Sequence[Term]], bool] = lambda now, further: True,
     ) -> Step:
-        """The model with those candidates that predict better than chance, and no needless ones.
+        """Select the candidates that predict better than chance.
 
         Args:
-            name: of the model with the terms alone that are always in it.
+            name: of the model that has `always` alone, for tables.
             always: terms that are in every model.
-            candidates: terms that may be added together, if they have columns.
-            fits: whether some may be added to those that a model has.
+            candidates: sets of terms, each of which is added as a whole; those without columns are
+                left out.
+            fits: whether terms (second argument) may be added to those of a model (first).
         """
         now = replace(self.tried(always), added=name)
         self.steps.append(now)
@@ -293,7 +273,8 @@ class Selection:
         return now
 
     def _simplest(self, steps: Sequence[Step]) -> Step:
-        """The best of some models, or the simplest that it does not beat by more than chance."""
+        """The model with the best predictions, or the simplest that it does not beat by more than
+        chance."""
         best = min(steps, key=lambda step: float(step.loss.mean()))
         simpler = [
             step for step in steps
@@ -303,7 +284,8 @@ class Selection:
         return min(simpler or [best], key=lambda step: (step.unknowns, float(step.loss.mean())))
 
     def _dropped(self, now: Step, always: int) -> Step:
-        """The model without terms that later ones explain: without them, nothing is worse."""
+        """Drop terms, but the first `always`, without which predictions are not worse by more than
+        chance: those that later terms explain."""
         while len(now.terms) > always:
             needless = []
             for term in now.terms[always:]:

@@ -1,4 +1,14 @@
-"""Static poses of a robot: what its encoders said and where its tool was, row by row."""
+"""Static poses of a robot: readings of its encoders and measured poses of its tool, row by row.
+
+Columns of a file (see `columns`):
+
+    JOINT motor (or JOINT alone), JOINT link      encoders before and behind the joint's gear
+    JOINT load                                    torque on the joint, if not gravity's
+    tool x, tool y, tool z                        the tool's point, axes of the instrument
+    tool rx, tool ry, tool rz                     its orientation, as a rotation vector
+    marker NAME x, ... y, ... z                   markers of a rigid body, instead of the tool
+    point, group                                  names: the same unknown point; a session
+"""
 
 from __future__ import annotations
 
@@ -17,26 +27,24 @@ from jointplay.estimate import columns
 from jointplay.estimate.unknowns import MINOR
 from jointplay.simulation.result.result import AXES
 
-# Columns of a file (see `columns`):
-#
-#     JOINT motor (or JOINT alone), JOINT link      encoders before and behind the joint's gear
-#     JOINT load                                    torque on the joint, if not gravity's
-#     tool x, tool y, tool z                        the tool's point, axes of the instrument
-#     tool rx, tool ry, tool rz                     its orientation, as a rotation vector
-#     marker NAME x, ... y, ... z                   markers of a rigid body, instead of the tool
-#     point, group                                  names: the same unknown point; a session
-
 _JOINT_UNITS = {"motor": ("rad", "m"), "link": ("rad", "m"), "load": ("N*m", "N")}
+"""Signals of a joint, and their units for one that turns and one that slides."""
 _TOOL_UNITS = dict.fromkeys(AXES, "m") | {"rx": "rad", "ry": "rad", "rz": "rad"}
+"""Components of the tool's pose, and their units."""
 FEWEST = 6
+"""Least number of poses: their positions are 18 numbers, of which base and tool take 9 (judged)."""
 _MOST_LABELS = 6
-"""Markers whose labels can be checked: all permutations are tried."""
+"""Largest number of markers whose labels are checked: all permutations are tried."""
+_SMALLEST_MOVE = 1e-6
+"""Smallest move by which a joint is approached from a side [rad or m], below any encoder's step."""
+_NOT_ROTATION = 1e-3
+"""Largest error of an entry of R^T R of a rotation matrix R (judged)."""
 
 
 @known_keywords
 @dataclass(frozen=True)
 class StaticPoses:
-    """Joint positions and what was measured there: n rows in the order of approach, j joints.
+    """n poses of j joints in the order of approach, with what was measured of the tool.
 
     Either `position` (and perhaps `orientation`) of the tool was measured, in axes and from an
     origin that need not be known; or `point` says in which rows the tool was at the same unknown
@@ -51,17 +59,17 @@ class StaticPoses:
     motor: np.ndarray
     """Positions by the encoders on the motors' side, shape (n, j) [rad or m]."""
     link: np.ndarray | None = None
-    """By encoders behind the gears, nan where there is none, shape (n, j) [rad or m]."""
+    """Positions by encoders behind the gears, nan where there is none, shape (n, j) [rad or m]."""
     position: np.ndarray | None = None
-    """Of the tool's point, shape (n, 3) [m]."""
+    """Positions of the tool's point, shape (n, 3) [m]."""
     orientation: np.ndarray | None = None
     """Rotations of the tool, shape (n, 3, 3)."""
     point: tuple[str, ...] | None = None
-    """Name of the unknown point at which the tool's point was, n names."""
+    """Name of the unknown point at which the tool was in each row."""
     distances: Mapping[tuple[str, str], tuple[float, float]] = field(default_factory=dict)
     """Known distance of two such points and its standard deviation [m]."""
     group: tuple[str, ...] | None = None
-    """Placement or session of each row, n names."""
+    """Placement or session of each row."""
     load: np.ndarray | None = None
     """Torques on the joints, positive along them; gravity's if None, shape (n, j) [N m or N]."""
     ordered: bool = True
@@ -101,7 +109,7 @@ class StaticPoses:
         if self.orientation is not None:
             off = np.abs(np.swapaxes(self.orientation, 1, 2) @ self.orientation - np.eye(3))
             worst = int(off.max(axis=(1, 2)).argmax())
-            if off[worst].max() > 1e-3 or np.linalg.det(self.orientation[worst]) < 0.0:
+            if off[worst].max() > _NOT_ROTATION or np.linalg.det(self.orientation[worst]) < 0.0:
                 raise self._wrong(f"the orientation in row {worst + 1} is not a rotation matrix")
         for pair in self.distances:
             for name in pair:
@@ -116,13 +124,15 @@ class StaticPoses:
 
     @property
     def units(self) -> np.ndarray:
-        """Number of the unit of each row, shape (n,): what is wrong at a point, or in a group, is
-        wrong in all its rows."""
+        """Number of the independent unit of each row, its point, group or itself, shape (n,).
+
+        Errors at a point, or in a group, are common to all its rows.
+        """
         return np.unique(self.point or self.group or np.arange(len(self)), return_inverse=True)[1]
 
     def rows(self, keep: Sequence[int] | np.ndarray) -> StaticPoses:
-        """Some of the rows; a row whose predecessor is left out counts as approached from the
-        one before that."""
+        """Some of the rows; one whose predecessor is left out counts as approached from the one
+        before that."""
         keep = np.arange(len(self))[np.asarray(keep)]
         changed: dict[str, Any] = {}
         for name in ("point", "group", "motor", "link", "position", "orientation", "load"):
@@ -158,7 +168,7 @@ class StaticPoses:
         for i in range(1, len(self) if self.ordered else 1):
             if group[i] == group[i - 1]:
                 step = self.motor[i] - self.motor[i - 1]
-                way[i] = np.where(np.abs(step) > 1e-6, np.sign(step), way[i - 1])
+                way[i] = np.where(np.abs(step) > _SMALLEST_MOVE, np.sign(step), way[i - 1])
         return way
 
     @classmethod
@@ -266,15 +276,15 @@ def nearest_rotation(matrix: np.ndarray) -> np.ndarray:
 def rigid_body(
     markers: np.ndarray, rounds: int = 20
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Mean shape of a body of m markers and its pose in each row.
+    """Mean shape of a body of m markers and its pose in each row (Procrustes analysis).
 
     Args:
         markers: positions, shape (n, m, 3) [m].
-        rounds: of improving shape and poses in turn.
+        rounds: rounds in which shape and poses are improved in turn.
 
     Returns:
         The shape about its centre (m, 3) [m]; rotations (n, 3, 3); the centre's positions (n, 3)
-        [m]; what the markers are off the rigid shape (n, m, 3) [m].
+        [m]; deviations of the markers from the rigid shape (n, m, 3) [m].
     """
     markers = np.asarray(markers, float)
     if markers.ndim != 3 or markers.shape[1] < 3 or markers.shape[2] != 3:
@@ -292,11 +302,11 @@ def rigid_body(
 
 
 def same_labels(markers: np.ndarray) -> tuple[np.ndarray, tuple[int, ...]]:
-    """Markers with the same labels in all rows, by the distances between them.
+    """Put labels of markers right that tracking systems exchange, by distances between markers.
 
-    Tracking systems exchange labels of markers. In each row the labels are permuted such that
-    distances agree best with those of the row that most rows agree with as they are. Exchanges that
-    leave all distances the same within their scatter cannot be seen.
+    In each row the labels are permuted such that distances agree best with those of the row that
+    most rows agree with as they are. Exchanges that leave all distances the same within their
+    scatter cannot be seen.
 
     Returns:
         The markers (n, m, 3) [m], and the rows whose labels were exchanged.
@@ -308,7 +318,7 @@ def same_labels(markers: np.ndarray) -> tuple[np.ndarray, tuple[int, ...]]:
     first, second = np.array(pairs).T
     lengths = np.linalg.norm(markers[:, first] - markers[:, second], axis=2)
     apart = np.abs(lengths[:, None] - lengths[None]).max(axis=2)
-    # Most rows agree with this one, within a part of how much sides differ at all.
+    # Two rows agree within a part of the difference between the longest and the shortest side.
     limit = MINOR * float(np.ptp(np.median(np.sort(lengths, axis=1), axis=0)))
     reference = lengths[int((apart < limit).sum(axis=1).argmax())]
     orders = [np.array(order) for order in permutations(range(markers.shape[1]))]

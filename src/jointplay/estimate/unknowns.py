@@ -1,4 +1,7 @@
-"""An unknown of a measurement, and what the measurement says of it: the same of every kind."""
+"""Unknowns and estimates: what a measurement of any kind is asked, and what it answers.
+
+Which estimates count as known is decided in `known`.
+"""
 
 from __future__ import annotations
 
@@ -16,96 +19,72 @@ from jointplay.base.units import rounded
 
 CANNOT_TELL = "this measurement cannot tell"
 CONFIDENCE = 0.95
-"""Of all intervals, two-sided, and of all bounds, one-sided."""
+"""Probability that an interval (two-sided) or a bound (one-sided) holds the truth: as is usual."""
 TWO_SIDED = 0.5 + CONFIDENCE / 2.0
 """Quantile at which an interval ends; a bound ends at `CONFIDENCE`."""
-NORMAL = float(norm.ppf(TWO_SIDED))
-"""Half of an interval in standard deviations."""
-UNIFORM = float(uniform.std())
-"""Standard deviation of what steps leave open, by their width."""
+NORMAL_QUANTILE = float(norm.ppf(TWO_SIDED))
+"""Half width of an interval in standard deviations, if these are exact."""
+STEP_DEVIATION = float(uniform.std())
+"""Standard deviation of the rounding to steps, as a part of a step: 1/sqrt(12)."""
 ROUNDING = 1e-9
 """Part of a number below which differences count as rounding: sums over thousands of numbers of 16
 digits, squared, keep nine."""
 TINY = float(np.finfo(float).tiny)
-"""Keeps divisions by what may be zero finite."""
+"""Smallest normal number: keeps divisions by what may be zero finite."""
 MODEL_ERROR = 0.02
-"""Part by which static models, loads and levers are off: judged."""
-ROUGH = 0.1
-"""The same of friction and hysteresis, whose laws are rougher: judged."""
-MISJUDGED = 3.0
-"""Factor by which what is expected of a machine may be wrong: judged."""
+"""Relative error of static models, loads and levers: judged."""
+FRICTION_MODEL_ERROR = 0.1
+"""Relative error of laws of friction and hysteresis, which are rougher: judged. With both larger by
+half, intervals of 11 machines of benchmarks/truth/identify.py are wider by 16 % (median), and the
+same values are told."""
+EXPECTATION_FACTOR = 3.0
+"""Factor by which the expected value of an unknown may be wrong: judged."""
 MINOR = 0.1
-"""Part of the largest below which words and figures leave something out."""
+"""Part of the largest below which something is minor, and left out of texts and figures: judged."""
 FARTHEST_M = 10.0
-"""Beyond any robot's reach: the largest reach half as far [m]."""
-
-# When a value is known: of a recording, whose machine is expected to have it, if its interval is
-# narrow; of poses and readings, which may show that there is none, if its interval excludes zero.
-
-LARGEST_SHARE, SMALL = 0.5, 0.25
-"""`identify`: half of the interval is at most `LARGEST_SHARE` of the value; values below `SMALL` of
-the scale count as this much. Judged: a choice of what is worth reporting, intervals stay. With 0.5,
-5 more values are told of 153 machines of benchmarks/truth/identify.py: the interval of one misses
-the truth, another is twice the truth."""
-
-
-def narrow(unknown: Unknown, value: float, half_width: float) -> bool:
-    """Whether a value is known by the rule of recordings."""
-    return bool(half_width <= unknown.widest(value))
-
-
-def excludes_zero(low: float, predicts: bool = True) -> bool:
-    """Whether a play is known by the rule of poses and readings, by the low end of its interval; of
-    poses its cause must predict those held back better than chance, too (`selection.improves`)."""
-    return bool(predicts and low > 0.0)
-
-
+"""Length beyond any robot's reach, which is at most half of it [m]."""
 PLAYS = ("gear_play", "radial_clearance")
-"""Unknowns that are a joint's play."""
+"""Names of unknowns that are a joint's play."""
 
 
 @dataclass(frozen=True)
 class Unknown:
-    """One number that is sought, or that others depend on; SI units."""
+    """A parameter that is estimated, with its prior and its bounds; SI units."""
 
     joint: str
-    """Whose it is; empty for one of all joints."""
+    """The joint that it belongs to; empty for one of all joints."""
     name: str
     """``radial_clearance``, ``friction``, ``gear_play`` and so on."""
     unit: str = ""
     """SI; empty for a pure number."""
     nominal: float = 0.0
-    """Of the scenario: what it is expected to be; nan if nothing is."""
+    """Expected value, the scenario's, and mean of the prior; nan if nothing is expected."""
     scale: float = 1.0
     """Size that matters; steps and thresholds are relative to it."""
     most: float = math.inf
     """Largest possible value."""
     sought: bool = True
-    """Not if it is estimated only because others depend on it."""
+    """Whether it is asked for, and not estimated only because others depend on it."""
     spread: float = math.inf
-    """Standard deviation with which the nominal value was known before; infinite: not at all, zero:
-    exactly."""
+    """Standard deviation of the prior; infinite: nothing is known before, zero: the nominal value
+    is exact."""
     least: float = 0.0
     """Smallest possible value."""
     fine: bool = True
     """Whether it is as small as a clearance, and shown in such units."""
     model_error: float = MODEL_ERROR
-    """Part of its value by which the model itself is off, see benchmarks/truth/identify.py."""
+    """Part of the value by which the model itself is off, see benchmarks/truth/identify.py."""
 
     @property
     def label(self) -> str:
-        """As tables have it: ``elbow radial clearance``."""
+        """Name in tables: ``elbow radial clearance``."""
         return " ".join(filter(None, [self.joint, self.name.replace("_", " ")]))
 
     def shown(self, value: float) -> str:
-        """A value in the unit of tables."""
+        """Text of a value, in the unit of tables; empty for nan."""
         if math.isnan(value):
             return ""
         return rounded(value, self.unit, fine=self.fine)
-
-    def widest(self, value: float) -> float:
-        """Largest half width of an interval about `value` with which it is known [SI]."""
-        return LARGEST_SHARE * max(abs(value), SMALL * self.scale)
 
 
 @dataclass(frozen=True)
@@ -115,23 +94,23 @@ class Estimate:
     unknown: Unknown
     value: float = math.nan
     half_width: float = math.inf
-    """Of the 95 % interval; infinite where nothing is known."""
+    """Half width of the 95 % interval; infinite where nothing is known."""
     reason: str = ""
     """Why the measurement cannot tell; empty if it can."""
     advice: str = ""
-    """Which measurement would tell, empty where none is needed or known."""
+    """Which measurement would tell; empty where none is needed or known."""
     note: str = ""
-    """What it rests on, or acts together with, in words."""
+    """What the value rests on, or with which other unknown it acts together."""
     ends: tuple[float, float] | None = None
-    """Of the 95 % interval, where it is not about the value."""
+    """Ends of the 95 % interval; None: `half_width` to both sides of the value."""
     upper: float = math.inf
     """Upper bound, one-sided 95 %, where one is stated."""
     bounded: bool = False
-    """Whether it may be zero, and the upper bound is all that is known."""
+    """Whether the value may be zero, so that only the upper bound is stated."""
 
     @property
     def interval(self) -> tuple[float, float]:
-        """95 % interval within what can be."""
+        """95 % interval, cut to the possible values."""
         middle = 0.0 if math.isnan(self.value) else self.value
         low, high = self.ends or (middle - self.half_width, middle + self.half_width)
         return max(low, self.unknown.least), min(high, self.unknown.most)
@@ -153,29 +132,24 @@ class Estimate:
         return self.unknown.joint
 
     def plays(self, joint: str) -> bool:
-        """Whether it is of a joint's play."""
+        """Whether it is the estimate of this joint's play."""
         return self.joint == joint and self.unknown.name in PLAYS
 
     @property
-    def deviation(self) -> float:
-        """Standard deviation by the interval."""
-        return self.half_width / NORMAL
-
-    @property
     def known(self) -> bool:
-        """Whether the value is, within its interval; see `narrow` and `excludes_zero`."""
+        """Whether the value is established, by the criteria of `jointplay.estimate.known`."""
         return not self.reason and not self.bounded
 
     @property
     def span(self) -> str:
-        """The interval, or the only bound there is, in words."""
+        """Text of the interval, or of the only bound there is."""
         shown, (low, high) = self.unknown.shown, self.interval
         if self.bounded:
             return f"at most {shown(self.upper)}"
         return f"{shown(low)} to {shown(high)}" if high < math.inf else f"at least {shown(low)}"
 
     def cells(self) -> tuple[str, str]:
-        """Value and interval as tables have them."""
+        """Texts of the value and of the interval, for tables."""
         if self.reason:
             return "-", CANNOT_TELL
         if self.bounded:
@@ -188,7 +162,7 @@ class Estimate:
         return f"{self.label}: " + ": ".join(filter(None, [value, interval, self.reason]))
 
     def describe(self) -> dict[str, Any]:
-        """As plain data [SI]; without numbers where the measurement cannot tell."""
+        """The estimate as plain data [SI]; without numbers where the measurement cannot tell."""
         unknown, numbers = self.unknown, {"expected": self.unknown.nominal}
         if not self.reason:
             numbers |= {"found": self.value, "low": self.low, "high": self.high}
@@ -200,22 +174,24 @@ class Estimate:
 
 @dataclass(frozen=True)
 class Loop:
-    """How far a joint was turned from where its motor had it, n times, and what was fitted: a
-    reversal loop, which shows play as the step between its branches."""
+    """A reversal loop: n deviations of a joint from its motor, measured and fitted.
+
+    Play shows as the step between its two branches.
+    """
 
     joint: str
     x: np.ndarray
-    """What it is drawn over, shape (n,) [SI]."""
+    """Abscissa: a push, a load or a position, shape (n,) [SI]."""
     x_name: str
     x_unit: str
     measured: np.ndarray
-    """Shape (n,) [SI]; nan where there is the fit alone."""
+    """Measured deviations, shape (n,) [SI]; nan where there is the fit alone."""
     fitted: np.ndarray
-    """Shape (n,) [SI]; nan where the fit says nothing."""
+    """Fitted deviations, shape (n,) [SI]; nan where the fit says nothing."""
     unit: str
-    """``rad`` or ``m``."""
+    """Unit of the deviations, ``rad`` or ``m``."""
     branch: np.ndarray
-    """-1 or 1: which way it went or was pushed; 0: neither, shape (n,)."""
+    """Which way the joint went or was pushed, -1 or 1; 0: neither, shape (n,)."""
 
     @classmethod
     def beside(
@@ -228,15 +204,18 @@ class Loop:
         effect: np.ndarray,
         residual: np.ndarray,
     ) -> Loop:
-        """With all else as it was fitted: what is left of k signals is added to the joint's own.
+        """The loop of a joint that shows only in k other signals: partial residuals.
+
+        All else stays as it was fitted; the residuals of the signals, projected on what the joint
+        does to them, are added to its fitted deviation.
 
         Args:
             joint, over, fitted, unit, branch: see the class; `over` is x with its name and unit.
-            effect: of the joint's motion by one on the signals, in standard errors, shape (n, k).
+            effect: change of the signals by a deviation of one, in standard errors, shape (n, k).
             residual: measured less fitted, in standard errors, shape (n, k).
         """
         size = np.sum(effect**2, axis=1)
-        use = size > MINOR**2 * size.max(initial=0.0)
+        use = size > MINOR**2 * size.max(initial=0.0)  # elsewhere it would be noise alone
         measured = fitted[use] + np.sum(effect * residual, axis=1)[use] / size[use]
         x, name, its_unit = over
         return cls(joint, x[use], name, its_unit, measured, fitted[use], unit, branch[use])
@@ -245,26 +224,25 @@ class Loop:
 def listed(
     estimates: Sequence[Estimate], head: str = "", vague: str = "", expected: bool = False
 ) -> str:
-    """Estimates as a table, a row for each joint and quantity, and why what cannot be told cannot.
+    """Text of estimates: a table with a row for each, and below it why the others cannot be told.
 
-    With a head, which those of no joint stand under, labels are not taken apart; with `vague`,
-    unknowns but plays that have no interval are named in a line that begins so; with `expected`
-    there is a column of what was.
+    Args:
+        estimates: the rows.
+        head: title of a single column of labels, in place of columns of joints and quantities.
+        vague: begin of a line that names what cannot be told, except plays, in place of its rows;
+            empty: there is none.
+        expected: whether there is a column of expected values.
     """
     hidden = [
-        estimate
-        for estimate in estimates
-        if vague and estimate.reason and not estimate.plays(estimate.joint)
-    ]
+        estimate for estimate in estimates
+        if vague and estimate.reason and estimate.unknown.name not in PLAYS
+    ]  # fmt: skip
     shown = [estimate for estimate in estimates if estimate not in hidden]
     heads = [head] if head else ["joint", "quantity"]
     rows = [[*heads, *(["expected"] if expected else []), "found", "95 % interval"]]
     for estimate in shown:
-        names = (
-            [estimate.label]
-            if head
-            else [estimate.joint or "all", estimate.unknown.name.replace("_", " ")]
-        )
+        names = [estimate.joint or "all", estimate.unknown.name.replace("_", " ")]
+        names = [estimate.label] if head else names
         before = [estimate.unknown.shown(estimate.unknown.nominal)] if expected else []
         rows.append([*names, *before, *estimate.cells()])
     lines = [str(Table.of_texts(rows))] if shown else []
@@ -277,20 +255,19 @@ def listed(
     return "\n".join(lines)
 
 
-_HEADS = (
-    *("joint", "quantity", "unit", "expected", "found", "low", "high", "upper", "reason", "note"),
-)
+_HEADS = "joint", "quantity", "unit", "expected", "found", "low", "high", "upper", "reason", "note"
+"""Columns of `data`: keys of `Estimate.describe`."""
 
 
 def data(estimates: Sequence[Estimate]) -> Table:
-    """A row for each estimate [SI]."""
+    """Table with a row for each estimate [SI]."""
     rows = [estimate.describe() for estimate in estimates]
     return Table.of([(head, "") for head in _HEADS], [[row.get(k) for k in _HEADS] for row in rows])
 
 
 @dataclass(frozen=True, kw_only=True)
 class Answer:
-    """What measurements say, as text and as a table."""
+    """Estimates of a measurement with their notes, as text, table and plain data."""
 
     estimates: tuple[Estimate, ...]
     notes: tuple[str, ...] = ()
@@ -300,11 +277,11 @@ class Answer:
 
     @property
     def data(self) -> Table:
-        """A row for each estimate [SI]."""
+        """Table with a row for each estimate [SI]."""
         return data(self.estimates)
 
     def describe(self) -> dict[str, Any]:
-        """As plain data [SI]."""
+        """The answer as plain data [SI]."""
         rows = [estimate.describe() for estimate in self.estimates]
         return {"unknowns": rows, "notes": list(self.notes)}
 

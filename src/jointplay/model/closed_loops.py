@@ -90,10 +90,9 @@ class ClosedLoops:
         held = {mechanism.coordinate(name) for name in self.driven}
         self.passive = np.array([i for i in inside if i not in held], int)
         self._standing = np.setdiff1d(np.arange(mechanism.model.nq), self.passive)
-        described = mechanism.description.joints
         self._steps = np.full(mechanism.model.nq, _STEP)
         for name in self.driven:
-            if name in described and described[name].slides:
+            if mechanism.description.joints[name].slides:
                 self._steps[mechanism.coordinate(name)] *= ANGLE_ARM_M
 
     def _determining(self, q: np.ndarray, inside: Sequence[int]) -> tuple[str, ...]:
@@ -235,8 +234,8 @@ def opening(mechanism: Mechanism, moved: int, twist: np.ndarray) -> np.ndarray:
 
 def own_opening(mechanism: Mechanism, loop: str) -> np.ndarray:
     """Openings of all loops per displacement of the journal of `loop` in its bearing, (rows, 6)."""
-    blocks = [-np.eye(6) if c.name == loop else np.zeros((6, 6)) for c in closures(mechanism)]
-    rows = [part[c.rows] for part, c in zip(blocks, closures(mechanism), strict=True)]
+    still, moved = np.zeros((6, 6)), -np.eye(6)
+    rows = [(moved if c.name == loop else still)[c.rows] for c in closures(mechanism)]
     return np.concatenate([np.zeros((0, 6)), *rows])
 
 

@@ -54,7 +54,7 @@ from jointplay.model.urdf import (
     Description,
     read_again,
 )
-from jointplay.model.vocabulary import WORDS
+from jointplay.model.vocabulary import WORDS, numbers
 from jointplay.model.xacro import Value
 from jointplay.physics.joints import (
     JOINT_WORDS,
@@ -171,8 +171,11 @@ def design(
     loops = require_table("loops", loops, "of loops by name", ("loops",))
     geared = dict(_filed(description, tables.get("gears", {}), GEARS))
     geared |= require_table("gears", gears, "of gears by joint", ("gears",))
-    geared = with_rotors(geared, description.beyond.armature)
-    description = urdf.with_geared(description, geared)
+    armature = description.beyond.armature
+    geared = with_rotors(geared, armature)
+    direct = {name: armature[name] for name in armature if name not in geared}
+    if direct != armature:  # the gears have the rotors of their joints
+        description = urdf.with_armature(description, direct)
     flexible = require_table("flexible", flexible, "of flexible links by name", ("flexible",))
     _check_base(base, loops, description)
     if isinstance(gravity, str):
@@ -335,7 +338,6 @@ def _seated(
 # From a URDF to the Pinocchio model that is simulated.
 
 _FLOATING = "JointModelFreeFlyer"
-_URDF_FLOATING, _URDF_FIXED = "floating", "fixed"
 
 _SAME_MASS = 1e-9
 """Relative difference of masses up to which they agree: rounding."""
@@ -368,7 +370,7 @@ def parse(description: Description, released: Collection[str] = ()) -> pin.Model
     root = description.elements()
     for joint in root.findall("joint"):
         if joint.get("name") in released:
-            joint.set("type", _URDF_FLOATING)
+            joint.set("type", "floating")
         limit = joint.find("limit")
         if limit is None and joint.get("type") not in LIMITED:
             continue
@@ -603,15 +605,13 @@ def _axis(
     """
     name, kind = source.names[index], source.joints[index].shortname()
     if (  # floating in the URDF, or fixed and released: z by definition
-        kind == _FLOATING
-        and stated is not None
-        and {_URDF_FLOATING, _URDF_FIXED} & {*stated.replaces}
+        kind == _FLOATING and stated is not None and {"floating", "fixed"} & {*stated.replaces}
     ):
         return np.array([0.0, 0.0, 1.0]), False
     axis = single_axis(source, data, index)
     if axis is None:
         remedy = (
-            f"a floating joint can only be {' or '.join(replacing(_URDF_FLOATING))}, with clearance"
+            f"a floating joint can only be {' or '.join(replacing('floating'))}, with clearance"
             if kind == _FLOATING
             else "only revolute, continuous and prismatic joints are supported"
         )
@@ -697,9 +697,7 @@ def seat_of_joint(
     element = next(e for e in root.findall("joint") if e.get("name") == name)
     axis = np.array([0.0, 0.0, 1.0])
     if element.get("type") not in NO_AXIS:
-        stated = element.find("axis")
-        text = "1 0 0" if stated is None else str(stated.get("xyz", "1 0 0"))
-        axis = np.array([float(x) for x in text.split()])
+        axis = np.array(numbers(element.find("axis"), "xyz", "axis", 3, "1 0 0"))
         axis /= np.linalg.norm(axis)
     turn = pin.SE3(z_to(axis), np.zeros(3))
     bush, mount, bed = (f"{name}{part}" for part in (BUSH, SEAT, _BED))
@@ -708,14 +706,14 @@ def seat_of_joint(
         elements.set_end(element, "child", bush)
         _put_bush(root, bush, parts, turn)
         elements.put(root, "link", name=bed)
-        elements.put_fixed(root, mount, bush, bed, turn)
-        elements.put_fixed(root, f"{name}{SEAT}{_BED}", bed, entry.child, turn.inverse())
+        elements.put_joint(root, mount, bush, bed, turn)
+        elements.put_joint(root, f"{name}{SEAT}{_BED}", bed, entry.child, turn.inverse())
     else:
         place = elements.place_of(element)
         for origin in element.findall("origin"):
             element.remove(origin)
         _put_bush(root, bush, parts)
-        elements.put_fixed(root, mount, entry.parent, bush, place * turn)
+        elements.put_joint(root, mount, entry.parent, bush, place * turn)
         elements.set_end(element, "parent", bush)
         element.append(elements.origin_of(turn.inverse()))
     return read_again(description, root, "seat", bush, mount, bed)
@@ -734,7 +732,7 @@ def seat_of_loop(
     side = "journal" if joint.exchanged else "bearing"
     link, place = getattr(loop, f"{side}_link"), getattr(loop, side)
     _put_bush(root, bush, parts)
-    elements.put_fixed(root, mount, link, bush, place)
+    elements.put_joint(root, mount, link, bush, place)
     zero = (0.0, 0.0, 0.0)
     changes: dict[str, Any] = {f"{side}_link": bush, f"{side}_xyz": zero, f"{side}_rpy": zero}
     return read_again(description, root, "seat", bush, mount), replace(loop, **changes)

@@ -146,8 +146,7 @@ def diagnose(place: str | Path, arguments: Mapping[str, Value] | None = None) ->
         root.remove(beyond)
     patient = _Patient(source.path, text, root)
     comments = _without_comments(root)  # numbered by now; put back at the end
-    findings = [finding for part in patient.parts() for finding in part]
-    findings.sort(key=lambda finding: (finding.note, finding.line or 0))
+    findings = sorted(patient.findings(), key=lambda finding: (finding.note, finding.line or 0))
     refused = ""
     try:
         urdf.parse(ElementTree.tostring(root, encoding="unicode"), source.path)
@@ -197,21 +196,23 @@ class _Patient:
         self._lines = dict(zip(map(id, self.root.iter()), _lines(self.text), strict=False))
         self._same = self.original.count("\n") == self.text.count("\n")
         self.reach = self._reach()
-        moved = {child.get("link") for j in self.joints if j.get("type") != "fixed"
-                 for child in j.findall("child")}  # fmt: skip
-        self.moved = moved
+        self.moved = {child.get("link") for j in self.joints if j.get("type") != "fixed"
+                      for child in j.findall("child")}  # fmt: skip
         self.solids: dict[Element, _Solid | None] = {}
 
-    def parts(self) -> Iterator[Iterator[Finding]]:
+    def findings(self) -> Iterator[Finding]:
         """The findings, part by part; in this order, as right inertias need right meshes."""
-        yield from (self.names(), self.slips(), self.scales(), self.inertias())
-        yield from (self.marks(), self.lost())
+        parts = (self.names, self.slips, self.scales, self.inertias, self.marks, self.lost)
+        for part in parts:
+            yield from part()
 
     def line(self, element: Element) -> int | None:
         """Line of an element in the robot's file; in a xacro, the first with its name, if any."""
         if self._same:
             return self._lines.get(id(element))
-        pattern = rf"name\s*=\s*[\"']{re.escape(element.get('name', ''))}[\"']"
+        return self._line_of(rf"name\s*=\s*[\"']{re.escape(element.get('name', ''))}[\"']")
+
+    def _line_of(self, pattern: str) -> int | None:
         match = re.search(pattern, self.original)
         return None if match is None else 1 + self.original.count("\n", 0, match.start())
 
@@ -221,10 +222,8 @@ class _Patient:
         for joint in self.joints:
             parent, child = joint.find("parent"), joint.find("child")
             if parent is not None and child is not None:
-                try:
-                    size = float(np.linalg.norm(place_of(joint).translation))
-                except (ValueError, TypeError):
-                    size = 0.0
+                place = _place(joint) or pin.SE3.Identity()
+                size = float(np.linalg.norm(place.translation))
                 above[child.get("link", "")] = parent.get("link", ""), size
         longest = 0.0
         for link in above:
@@ -368,20 +367,19 @@ class _Patient:
 
     def _carries(self, name: str) -> bool:
         """Whether a link, or any link fixed to it, has mass."""
-        by_name = {e.get("name", ""): e for e in self.links}
-        new, seen = [name], {name}
-        while new:
-            link = by_name.get(new.pop())
-            if link is not None and self._mass(link.find("inertial")):
-                return True
-            for joint in self.joints:
-                parent, child = joint.find("parent"), joint.find("child")
-                if joint.get("type") != "fixed" or parent is None or child is None:
-                    continue
-                if link is not None and parent.get("link") == link.get("name"):
-                    new += {child.get("link", "")} - seen
-                    seen.add(child.get("link", ""))
-        return False
+        fixed = [
+            (parent.get("link"), child.get("link"))
+            for joint in self.joints
+            if joint.get("type") == "fixed"
+            for parent in joint.findall("parent")
+            for child in joint.findall("child")
+        ]
+        united: set[str | None] = {name}
+        while further := {child for parent, child in fixed if parent in united} - united:
+            united |= further
+        return any(
+            self._mass(link.find("inertial")) for link in self.links if link.get("name") in united
+        )
 
     def _mass(self, inertial: Element | None) -> float:
         """Mass that an <inertial> states [kg]; 0 if it states none."""
@@ -400,12 +398,11 @@ class _Patient:
         solid, inertial = self.solid(link), link.find("inertial")
         if solid is None or inertial is None:
             return "", False
-        low, high = solid.bounds
-        size, centre = float(np.linalg.norm(high - low)), place_of(inertial).translation
-        if size < urdf.SHORTEST_AXIS:
+        (low, high), centre = solid.bounds, place_of(inertial).translation
+        if solid.size < urdf.SHORTEST_AXIS:
             return "", False
         # The centre of mass, outside the shapes.
-        if np.any(centre < low - _ASIDE * size) or np.any(centre > high + _ASIDE * size):
+        if solid.is_beside(centre):
             less = centre / 1e3
             inside = np.all(less >= low) and np.all(less <= high)
             outside = np.linalg.norm(np.maximum(np.maximum(low - centre, centre - high), 0.0))
@@ -439,45 +436,33 @@ class _Patient:
     def _right(self, link: Element, mass: float | None) -> tuple[str, str]:
         """Give a link the inertia that it should have; this in words, and as an element."""
         solid, inertial = self.solid(link), link.find("inertial")
+        place = None if inertial is None else _place(inertial)
         if solid is None:
-            return ("", "") if mass is None else self._ball(link, mass)
+            if mass is None:
+                return "", ""
+            radius = (3.0 * mass / (4.0 * np.pi * WATER)) ** (1.0 / 3.0)
+            tensor = 0.4 * mass * radius**2 * np.eye(3)
+            text = f"it has no shape; that of a ball of water of {mass:g} kg"
+            return text, _put(link, mass, place or pin.SE3.Identity(), tensor)
         text = (
             f"that of {solid.label} at {mass:g} kg, spread evenly"
             if mass
             else (f"that of {solid.label} as heavy as water (weigh it)")
         )
         body = solid.at(mass or WATER * solid.volume)
-        place = None if inertial is None else _place(inertial)
-        low, high = solid.bounds
-        aside = _ASIDE * float(np.linalg.norm(high - low))
-        if (
-            place is None
-            or np.any(place.translation < low - aside)
-            or np.any(place.translation > high + aside)
-        ):
+        if place is None or solid.is_beside(place.translation):
             place = pin.SE3(np.eye(3), body.lever)
         tensor = place.rotation.T @ body.inertia @ place.rotation
         return text, _put(link, body.mass, place, tensor)
-
-    def _ball(self, link: Element, mass: float) -> tuple[str, str]:
-        """Give a link without shapes the inertia of a ball of water; see `_right`."""
-        radius = (3.0 * mass / (4.0 * np.pi * WATER)) ** (1.0 / 3.0)
-        inertial = link.find("inertial")
-        place = (None if inertial is None else _place(inertial)) or pin.SE3.Identity()
-        tensor = 0.4 * mass * radius**2 * np.eye(3)
-        text = f"it has no shape; that of a ball of water of {mass:g} kg"
-        return text, _put(link, mass, place, tensor)
 
     def lost(self) -> Iterator[Finding]:
         """Meshes that are missing."""
         for link in self.links:
             self.solid(link)
         if names := list(dict.fromkeys(self.missing)):
-            match = re.search(re.escape(names[0]), self.original)
-            line = None if match is None else 1 + self.original.count("\n", 0, match.start())
             right = "beside the URDF, or in their package above it; .stl, .obj or .dae"
             fault = f"not found or not readable: {few(names, 3)}"
-            yield Finding(line, "meshes", fault, right, "", True)
+            yield Finding(self._line_of(re.escape(names[0])), "meshes", fault, right, "", True)
 
     # Shapes.
 
@@ -559,6 +544,16 @@ class _Solid:
         """Volume [m^3]."""
         return float(self.body.mass)
 
+    @property
+    def size(self) -> float:
+        """Diagonal of the box around the shapes [m]."""
+        return float(np.linalg.norm(self.bounds[1] - self.bounds[0]))
+
+    def is_beside(self, point: np.ndarray) -> bool:
+        """Whether a point lies outside the shapes by more than `_ASIDE`."""
+        (low, high), aside = self.bounds, _ASIDE * self.size
+        return bool(np.any(point < low - aside) or np.any(point > high + aside))
+
     def at(self, mass: float) -> pin.Inertia:
         """Inertia at a mass [kg]."""
         part = mass / self.body.mass
@@ -581,10 +576,10 @@ def _evenly(points: np.ndarray, triangles: np.ndarray) -> pin.Inertia:
     return body if body.mass > 0.0 and np.isfinite(body.inertia).all() else pin.Inertia.Zero()
 
 
-def _place(inertial: Element) -> pin.SE3 | None:
-    """Pose of an <inertial>; None if its origin is no pose."""
+def _place(element: Element) -> pin.SE3 | None:
+    """Pose of an <inertial> or a joint; None if its origin is no pose."""
     try:
-        return place_of(inertial)
+        return place_of(element)
     except (ValueError, TypeError):
         return None
 
@@ -600,12 +595,11 @@ def _unit(ratio: float) -> str:
 
 def _put(link: Element, mass: float, place: pin.SE3, tensor: np.ndarray) -> str:
     """Give a link an <inertial>, in place of its own; the element's text."""
-    old = link.find("inertial")
-    inertial = ElementTree.SubElement(link, "inertial") if old is None else old
-    if old is None:
-        link.remove(inertial)
-        link.insert(0, inertial)
+    inertial = link.find("inertial")
+    if inertial is None:
+        inertial = Element("inertial")
         inertial.tail = link.text
+        link.insert(0, inertial)
     text, tail = inertial.text, inertial.tail
     inertial.clear()
     inertial.text, inertial.tail = text, tail

@@ -52,12 +52,23 @@ def moments(matrix: np.ndarray) -> dict[str, float]:
     return {f"i{a}{b}": float(value) for a, b, value in pairs}
 
 
-def put_fixed(root: Element, name: str, parent: str, child: str, place: pin.SE3) -> None:
-    """Append a fixed joint with the child at `place` in the parent."""
-    joint = put(root, "joint", name=name, type="fixed")
+def put_joint(
+    root: Element, name: str, parent: str, child: str, place: pin.SE3, kind: str = "fixed"
+) -> Element:
+    """Append a joint with the child at `place` in the parent."""
+    joint = put(root, "joint", name=name, type=kind)
     joint.append(origin_of(place))
     put(joint, "parent", link=parent)
     put(joint, "child", link=child)
+    return joint
+
+
+def put_shape(link: Element, role: str, place: pin.SE3, form: str, **sizes: Any) -> Element:
+    """Append a shape to a link, as its ``visual`` or ``collision`` (`role`)."""
+    shape = put(link, role)
+    shape.append(origin_of(place))
+    put(put(shape, "geometry"), form, **sizes)
+    return shape
 
 
 def set_end(joint: Element, end: str, link: str) -> None:

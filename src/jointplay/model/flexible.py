@@ -9,10 +9,10 @@ on the link move to the pieces that carry them.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from copy import deepcopy
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -26,14 +26,15 @@ from jointplay.model.elements import (
     origin_of,
     place_of,
     put,
-    put_fixed,
     put_inertial,
+    put_joint,
+    put_shape,
     set_end,
 )
 from jointplay.model.inertias import tensor_of
 from jointplay.model.loop import Loop
 from jointplay.model.urdf import Description, read_again
-from jointplay.physics.joints import Clearance, hinge_of_beam
+from jointplay.physics.joints import Clearance, CompliantMount, Elasticity
 
 HINGE, TIP = "_hinge_", "_tip"
 """Appended to a link's name: its hinges, with a number behind, and the frame at its end."""
@@ -71,16 +72,6 @@ def cut_links(
     return cut
 
 
-def hinges_of(description: Description, joints: Iterable[str]) -> dict[str, list[str]]:
-    """Those of `joints` that are hinges of a flexible link, by link."""
-    hinges: dict[str, list[str]] = {}
-    for name in joints:
-        link, _, number = name.rpartition(HINGE)
-        if number.isdigit() and f"{link}{TIP}" in description.links:
-            hinges.setdefault(link, []).append(name)
-    return hinges
-
-
 def end_of_tool(tool: str, flexible: Mapping[str, FlexibleLink]) -> str:
     """The tool, or the frame at its end if it is a flexible link."""
     return f"{tool}{TIP}" if tool in flexible else tool
@@ -90,13 +81,15 @@ def _cut(cut: Cut, name: str, flexible: FlexibleLink) -> Cut:
     """Cut one more link, and its entry in the URDF, loops and hinges so far."""
     root = cut.description.elements()
     link = next(element for element in root.findall("link") if element.get("name") == name)
-    carried = [joint for joint in root.findall("joint") if _link_of(joint, "parent") == name]
+    entries = cut.description.joints
+    carried = [j for j in root.findall("joint") if entries[j.get("name", "")].parent == name]
     last, end = _end(name, flexible, carried)
     start = np.array(flexible.start)
     length = float(np.linalg.norm(end - start))
     if length < _SHORTEST_M:
+        at = ", ".join(f"{number:g}" for number in end)
         raise JointplayError(
-            f"the beam of link {name!r} has no length: it begins and ends at {_numbers(end)} m; "
+            f"the beam of link {name!r} has no length: it begins and ends at {at} m; "
             "give start, tip or to"
         )
     along = (end - start) / length
@@ -122,17 +115,17 @@ def _cut(cut: Cut, name: str, flexible: FlexibleLink) -> Cut:
         put_inertial(element, inertias[k])
         middle = pin.SE3(axes, start + 0.5 * (bounds[k] + bounds[k + 1]) * along)
         seen = frames[k].actInv(middle)
-        for tag in ("visual", "collision"):
-            shape = _shape(tag, flexible, seen, bounds[k + 1] - bounds[k])
-            if tag == "visual" and colour is not None:
-                shape.append(deepcopy(colour))
-            element.append(shape)
+        form, sizes = _solid(flexible, bounds[k + 1] - bounds[k])
+        shape = put_shape(element, "visual", seen, form, **sizes)
+        if colour is not None:
+            shape.append(deepcopy(colour))
+        put_shape(element, "collision", seen, form, **sizes)
     # Hinges and tip between them; then what the link carried, on its pieces.
     for k, hinge in enumerate(hinges):
-        put_fixed(root, hinge, pieces[k], pieces[k + 1], frames[k].actInv(frames[k + 1]))
+        put_joint(root, hinge, pieces[k], pieces[k + 1], frames[k].actInv(frames[k + 1]))
     put(root, "link", name=f"{name}{TIP}")
     end_frame = frames[-1].actInv(pin.SE3(np.eye(3), end))
-    put_fixed(root, f"{name}{TIP}", pieces[-1], f"{name}{TIP}", end_frame)
+    put_joint(root, f"{name}{TIP}", pieces[-1], f"{name}{TIP}", end_frame)
     for joint in carried:
         place = place_of(joint)
         k = flexible.segments if joint is last else piece_at(place.translation)
@@ -234,11 +227,8 @@ def _given_inertia(link: Element) -> pin.Inertia | None:
     return place_of(inertial).act(inertia)
 
 
-def _shape(tag: str, flexible: FlexibleLink, place: pin.SE3, length: float) -> Element:
-    """Picture or collision shape of a piece: its section, filled."""
-    element = Element(tag)
-    element.append(origin_of(place))
-    geometry = put(element, "geometry")
+def _solid(flexible: FlexibleLink, length: float) -> tuple[str, dict[str, Any]]:
+    """Form and sizes of a piece as URDF has them: its section, filled."""
     if flexible.section is None:
         radius = math.sqrt(2.0) * (flexible.gyration_radius or 0.0)
         form, width, height = "rod", 2.0 * radius, 2.0 * radius
@@ -246,14 +236,12 @@ def _shape(tag: str, flexible: FlexibleLink, place: pin.SE3, length: float) -> E
         profile = section(flexible.section)
         form, (width, height) = profile.form, profile.size
     if form in ("tube", "rod"):
-        put(geometry, "cylinder", radius=0.5 * width, length=length)
-    else:
-        put(geometry, "box", size=(width, height, length))
-    return element
+        return "cylinder", {"radius": 0.5 * width, "length": length}
+    return "box", {"size": (width, height, length)}
 
 
 def _hinge(flexible: FlexibleLink, stretch: float, length: float) -> Clearance:
-    """Hinge with the stiffness and damping of one stretch of the beam.
+    """Hinge with the stiffness and damping of one stretch of the beam, z along it.
 
     Where shear stiffness is not known, translations get that of a beam in bending (12 EI / h^3).
     """
@@ -262,7 +250,9 @@ def _hinge(flexible: FlexibleLink, stretch: float, length: float) -> Clearance:
     stiffness = np.array([*across, beam.axial, *beam.bending, beam.torsion]) / stretch
     locked = ("z",) if flexible.shear else ("x", "y", "z")
     locked = locked if flexible.torsion else (*locked, "yaw")
-    return hinge_of_beam(stiffness, flexible.damping_time(length), locked)
+    damping_time = flexible.damping_time(length)
+    springs = Elasticity(matrix=np.diag(stiffness).tolist(), damping_time=damping_time)
+    return CompliantMount(elasticity=springs, locked=locked)
 
 
 def _moved(
@@ -311,12 +301,3 @@ def _summary(flexible: FlexibleLink, length: float, masses: tuple[float, float])
     if not flexible.shear and share > 0.01:
         parts.append(f"shear, left out, would add {100.0 * share:.2g} % to its sag under a force")
     return "; ".join(parts)
-
-
-def _link_of(joint: Element, end: str) -> str:
-    element = joint.find(end)
-    return "" if element is None else element.get("link", "")
-
-
-def _numbers(point: np.ndarray) -> str:
-    return ", ".join(f"{number:g}" for number in point)

@@ -102,10 +102,6 @@ class Efforts:
     stated: bool
     """Whether they follow from efforts in the robot's file."""
 
-    def stiffness_is_known(self, joint: str) -> bool:
-        """Whether the stiffness of a joint's gear is one of those to which the rule was fitted."""
-        return self.stated and self.by_joint.get(joint, 0.0) >= SMALLEST_KNOWN
-
 
 def rated_efforts(description: Description, source: pin.Model, tool: str) -> Efforts:
     """Efforts for which the drives of a robot are made, from its file or its weight.
@@ -127,7 +123,7 @@ def rated_efforts(description: Description, source: pin.Model, tool: str) -> Eff
     rows = {name: source.joints[index].idx_v for name, index in joints.items()}
     at = np.array(list(rows.values()), int)
     poses = _poses(description, source, rows)
-    weight = np.abs([_gravity(source, q) for q in poses])[:, at].max(axis=0, initial=0.0)
+    weight = _weights(source, poses)[at]
     stated = np.array([entries[name].effort or 0.0 for name in rows])
     pressed = weight > ROUNDING * weight.max(initial=0.0)
     # The file's efforts, if it has them for all joints and they suit the weight.
@@ -147,7 +143,7 @@ def rated_efforts(description: Description, source: pin.Model, tool: str) -> Eff
     if frame is not None and frame.parentJoint:
         body = pin.Inertia(carried, np.zeros(3), np.zeros((3, 3)))
         loaded.inertias[frame.parentJoint] += frame.placement.act(body)
-    heavier = np.abs([_gravity(loaded, q) for q in poses])[:, at].max(axis=0, initial=0.0)
+    heavier = _weights(loaded, poses)[at]
     reach = _reach(source, poses, frame)
     turning = np.array([not entries[name].slides for name in rows])
     held = UNSTATED * carried * -STANDARD_GRAVITY[2]
@@ -194,7 +190,8 @@ def with_rotors(gears: Mapping[str, Gearing], armature: Mapping[str, float]) -> 
 def stiffness_rule(name: str, entry: JointEntry, efforts: Efforts) -> Rule:
     """Stiffness of a joint's gear, by the effort of its drive."""
     effort, reason = _effort(name, entry, efforts)
-    guess = not (entry.slides or efforts.stiffness_is_known(name))
+    fitted = efforts.stated and efforts.by_joint.get(name, 0.0) >= SMALLEST_KNOWN
+    guess = not (entry.slides or fitted)
     value = min(STIFFNESS * effort**1.5, STIFFEST * effort)
     return Rule(
         _rounded(SLIDE_STIFFNESS if entry.slides else value), "gear stiffness", reason, guess
@@ -253,8 +250,11 @@ def _poses(
     return poses
 
 
-def _gravity(model: pin.Model, q: np.ndarray) -> np.ndarray:
-    return pin.computeGeneralizedGravity(model, model.createData(), q).copy()
+def _weights(model: pin.Model, poses: list[np.ndarray]) -> np.ndarray:
+    """Largest effort of gravity at each coordinate over poses, (nv,) [N m or N]."""
+    data = model.createData()
+    efforts = [pin.computeGeneralizedGravity(model, data, q).copy() for q in poses]
+    return np.abs(efforts).max(axis=0, initial=0.0)
 
 
 def _reach(source: pin.Model, poses: list[np.ndarray], frame: pin.Frame | None) -> float:

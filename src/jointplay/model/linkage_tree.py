@@ -18,14 +18,7 @@ import pinocchio as pin
 from jointplay.base.errors import JointplayError
 from jointplay.model import urdf
 from jointplay.model.beams import section
-from jointplay.model.elements import (
-    Element,
-    document,
-    origin_of,
-    put,
-    put_fixed,
-    put_inertial,
-)
+from jointplay.model.elements import Element, document, put, put_inertial, put_joint, put_shape
 from jointplay.model.linkage import (
     BALL,
     DRAWN,
@@ -97,21 +90,30 @@ def tree_of(linkage: Linkage, play: Collection[str] = ()) -> LinkageTree:
         )
     # The origin of each link is the point of the joint that holds it.
     origins = {GROUND: np.zeros(3)}
-    root = _root(PLANES["horizontal" if linkage.spatial else linkage.plane])
+    root = Element("robot", name="linkage")
+    put(root, "link", name="world")
+    axes = PLANES["horizontal" if linkage.spatial else linkage.plane]
+    put_joint(root, "drawing", "world", GROUND, pin.SE3(axes, np.zeros(3)))
+    ground = put(root, "link", name=GROUND)
     for edge in _from_ground(held):
         origins[edge.journal] = linkage.place(edge.point)
-        joint = put(root, "joint", name=edge.name, type=edge.kind)
         place = linkage.place(edge.point) - origins[edge.bearing]
-        joint.append(origin_of(pin.SE3(np.eye(3), place.round(_DIGITS))))
-        put(joint, "parent", link=edge.bearing)
-        put(joint, "child", link=edge.journal)
+        at = pin.SE3(np.eye(3), place.round(_DIGITS))
+        joint = put_joint(root, edge.name, edge.bearing, edge.journal, at, edge.kind)
         if edge.kind == SLIDE:  # for which a URDF demands limits
             reach = _REACH * linkage.size
             put(joint, "limit", lower=-reach, upper=reach, effort=0.0, velocity=0.0)
         put(joint, "axis", xyz=edge.axis / np.linalg.norm(edge.axis))
     for name, link in linkage.links.items():
         _put_link(linkage, root, name, link, origins[name])
-    _put_points(linkage, root, origins)
+    # Pictures of the pivots on the ground, and frames for points that move.
+    for point in linkage.ground:
+        at = pin.SE3(np.eye(3), linkage.place(point))
+        put_shape(ground, "visual", at, "sphere", radius=_PIVOT * linkage.size)
+    for point, carrier in linkage.carried.items():
+        put(root, "link", name=point)
+        at = pin.SE3(np.eye(3), (linkage.place(point) - origins[carrier]).round(_DIGITS))
+        put_joint(root, f"{point}_of_{carrier}", carrier, point, at)
     path = Path(DRAWN)
     balls = [edge.name for edge in linkage.edges if edge.kind == BALL]
     return LinkageTree(
@@ -141,25 +143,16 @@ def _put_link(
     element = put(root, "link", name=name)
     body = inertia_of(linkage, name)
     put_inertial(element, pin.Inertia(body.mass, body.lever - origin, body.inertia))
-    for start, end in linkage.lines(link):
-        _put_line(element, start - origin, end - origin, _LINE * linkage.size)
+    for ends in linkage.lines(link):
+        start, end = (point - origin for point in ends)
+        line = end - start
+        turned = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), line).matrix()
+        middle = pin.SE3(turned, 0.5 * (start + end))
+        sizes = {"radius": _LINE * linkage.size, "length": float(np.linalg.norm(line))}
+        put_shape(element, "visual", middle, "cylinder", **sizes)
     if len(link.points) == 1:
-        picture = put(element, "visual")
-        picture.append(origin_of(pin.SE3(np.eye(3), linkage.place(link.points[0]) - origin)))
-        put(put(picture, "geometry"), "box", size=[2.0 * _PIVOT * linkage.size] * 3)
-
-
-def _put_points(linkage: Linkage, root: Element, origins: Mapping[str, np.ndarray]) -> None:
-    """Append pictures of the pivots on the ground, and frames for points that move."""
-    ground = next(link for link in root.findall("link") if link.get("name") == GROUND)
-    for point in linkage.ground:
-        picture = put(ground, "visual")
-        picture.append(origin_of(pin.SE3(np.eye(3), linkage.place(point))))
-        put(put(picture, "geometry"), "sphere", radius=_PIVOT * linkage.size)
-    for point, link in linkage.carried.items():
-        put(root, "link", name=point)
-        at = pin.SE3(np.eye(3), (linkage.place(point) - origins[link]).round(_DIGITS))
-        put_fixed(root, f"{point}_of_{link}", link, point, at)
+        middle = pin.SE3(np.eye(3), linkage.place(link.points[0]) - origin)
+        put_shape(element, "visual", middle, "box", size=[2.0 * _PIVOT * linkage.size] * 3)
 
 
 def inertia_of(linkage: Linkage, link: str) -> pin.Inertia:
@@ -192,15 +185,6 @@ def _vector_of(values: np.ndarray) -> Vector:
     return x, y, z
 
 
-def _root(axes: np.ndarray) -> Element:
-    """A URDF with the ground, whose axes are the drawing's."""
-    root = Element("robot", name="linkage")
-    put(root, "link", name="world")
-    put_fixed(root, "drawing", "world", GROUND, pin.SE3(axes, np.zeros(3)))
-    put(root, "link", name=GROUND)
-    return root
-
-
 def _from_ground(joints: Sequence[Edge]) -> Iterator[Edge]:
     """The joints of a tree, parents first, each with its bearing on the side of the ground."""
     reached, open_joints = {GROUND}, list(joints)
@@ -223,12 +207,3 @@ def _rod(mass: float, start: np.ndarray, end: np.ndarray, area: float) -> pin.In
     across = length**2 / 12.0 + radius_squared / 4.0
     moments = across * (np.eye(3) - along) + 0.5 * radius_squared * along
     return pin.Inertia(mass, 0.5 * (start + end), mass * moments)
-
-
-def _put_line(link: Element, start: np.ndarray, end: np.ndarray, radius: float) -> None:
-    """Append a cylinder from one point to another to a link's picture."""
-    line = end - start
-    turned = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), line).matrix()
-    picture = put(link, "visual")
-    picture.append(origin_of(pin.SE3(turned, 0.5 * (start + end))))
-    put(put(picture, "geometry"), "cylinder", radius=radius, length=float(np.linalg.norm(line)))

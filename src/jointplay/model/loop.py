@@ -465,14 +465,13 @@ def consistent_velocity(
     q: np.ndarray,
     v: np.ndarray,
     held: Sequence[int],
-    led: Sequence[int] | None = None,
+    led: Sequence[int],
 ) -> np.ndarray:
     """Velocity nearest to v with which all loops stay closed, journals resting in their bearings.
 
     Coordinates that are `held` keep their speeds in v. Where no velocity satisfies all closures, as
     where journals lean or speeds are given for too many coordinates, journals move as little as
-    needed: bearings hold them by contact only. The `led` among `held` (None: all of them) follow a
-    reference.
+    needed: bearings hold them by contact only. The `led` among `held` follow a reference.
 
     Raises:
         JointplayError: the given speeds would tear apart a loop without clearance, or references
@@ -497,7 +496,7 @@ def consistent_velocity(
     if gap_rate <= limit:
         return moved
     torn = f"the initial speeds would tear a loop apart at {gap_rate:.3g} m/s: "
-    if moving(all_rows, held if led is None else led)[1] > limit:
+    if moving(all_rows, led)[1] > limit:
         raise JointplayError(f"{torn}the driven joints cannot move like this in this configuration")
     ideal = set(mechanism.loops) - set(mechanism.clearance)
     moved, gap_rate = moving(closing_rows(mechanism, q, ideal), held)
@@ -566,12 +565,7 @@ class Lock:
 
     @classmethod
     def between(
-        cls,
-        name: str,
-        freedoms: tuple[str, ...],
-        model: pin.Model,
-        bearing: Frame,
-        journal: Frame,
+        cls, name: str, freedoms: tuple[str, ...], model: pin.Model, bearing: Frame, journal: Frame
     ) -> Lock:
         """Lock of the loop `name`, whose joint leaves `freedoms`, between two frames of `model`.
 

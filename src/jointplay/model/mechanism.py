@@ -29,7 +29,7 @@ from jointplay.base.units import readable, typeset
 from jointplay.model import urdf
 from jointplay.model.beams import FlexibleLink
 from jointplay.model.design import Design, build, design
-from jointplay.model.flexible import hinges_of
+from jointplay.model.flexible import HINGE, TIP
 from jointplay.model.frames import Frame, Frames, motion_between, pose_between, signs_between
 from jointplay.model.free_base import BASES, HELD
 from jointplay.model.gear import Gear, Gearing
@@ -177,7 +177,12 @@ class Mechanism(Overview, Described, Design):
     @property
     def hinges(self) -> dict[str, list[str]]:
         """Names of the mounts that are the hinges of flexible links, by link."""
-        return hinges_of(self.description, self.clearance)
+        hinges: dict[str, list[str]] = {}
+        for name in self.clearance:
+            link, _, number = name.rpartition(HINGE)
+            if number.isdigit() and f"{link}{TIP}" in self.description.links:
+                hinges.setdefault(link, []).append(name)
+        return hinges
 
     def coordinate(self, joint: str) -> int:
         """Index in q of the ideal joint's coordinate; with clearance yaw, or z of a slider.
@@ -237,7 +242,10 @@ class Mechanism(Overview, Described, Design):
     @property
     def base_words(self) -> str:
         """A sentence on whether the base is free or held; empty where that goes without saying."""
-        return self.held if self.free_base is None else self.description.free_base(self.gravity)
+        if self.free_base is None:
+            return self.held
+        falls = ", and it falls unless loads carry it" if any(self.gravity) else ""
+        return f"the base {self.description.root!r} is free: nothing holds it{falls}"
 
     @property
     def runs_ideal(self) -> bool:

@@ -17,7 +17,7 @@ import os
 import re
 import sys
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from importlib.util import find_spec
@@ -34,7 +34,7 @@ from jointplay.base.files import begins, is_file, read_text
 from jointplay.base.imports import extra
 from jointplay.base.tables import few
 from jointplay.model import urdf
-from jointplay.model.elements import Element, document, origin_of, put, put_fixed, put_inertial
+from jointplay.model.elements import Element, document, put, put_inertial, put_joint, put_shape
 
 WIDEST_PLAY = 0.1
 """Range of a second hinge about the same axis up to which it is the play of the first [rad]."""
@@ -249,27 +249,17 @@ def _passed_over(path: Path) -> Iterator[str]:
         for name, value in element.attrib.items()
         if not value.strip() and name not in _MAY_BE_BLANK
     ]
-    twice = [
-        f"{name} in <{tag}>"
-        for tag in dict.fromkeys(element.tag for element in root.iter() if element.tag in _MERGED)
-        for name, values in _values(root.iter(tag)).items()
-        if len(values) > 1
-    ]
-    if twice:
+    stated: dict[str, set[str]] = {}
+    for tag in _MERGED:
+        for element in root.iter(tag):
+            for name, value in element.attrib.items():
+                stated.setdefault(f"{name} in <{tag}>", set()).add(value)
+    if twice := [name for name, values in stated.items() if len(values) > 1]:
         yield f"note: given twice in the MJCF, where the last holds: {few(twice)}"
     if texts:
         yield f"note: MuJoCo reads no text between elements: {few(texts)}"
     if blank:
         yield f"note: MuJoCo takes what is empty as not given: {few(blank)}"
-
-
-def _values(elements: Iterable[ElementTree.Element]) -> dict[str, set[str]]:
-    """Set of values of each attribute of some elements, by attribute."""
-    values: dict[str, set[str]] = {}
-    for element in elements:
-        for name, value in element.attrib.items():
-            values.setdefault(name, set()).add(value)
-    return values
 
 
 @dataclass(frozen=True)
@@ -280,12 +270,6 @@ class _Mesh:
     scale: np.ndarray
     place: pin.SE3
     """Pose of the mesh in the frame of the geom, if MuJoCo does not compile the mesh."""
-
-
-def asset_path(spec: Any, path: Path, folder: str, file: str) -> Path:
-    """Path of a file that an MJCF names, in its `folder` for meshes or textures."""
-    name = Path(file).name if spec.strippath else file
-    return Path(spec.modelfiledir or path.parent) / folder / name
 
 
 def _lighten(spec: Any, path: Path) -> list[tuple[Any, _Mesh]]:
@@ -299,6 +283,7 @@ def _lighten(spec: Any, path: Path) -> list[tuple[Any, _Mesh]]:
     kinds, shapes = load_mujoco().mjtGeom, load_mujoco().mjtGeomInertia
     spec.compiler.discardvisual = spec.compiler.fusestatic = False
     meshes = {mesh.name or Path(mesh.file).stem: mesh for mesh in spec.meshes}
+    folder = Path(spec.modelfiledir or path.parent) / spec.meshdir
     needed, shown = set(), []
     for geom in list(spec.geoms):
         if geom.hfieldname:  # terrain
@@ -308,12 +293,12 @@ def _lighten(spec: Any, path: Path) -> list[tuple[Any, _Mesh]]:
         name, mesh = geom.meshname, meshes.get(geom.meshname)
         if mesh is None:
             raise JointplayError(f"a geom of body {geom.parent.name!r} has no mesh {name!r}")
-        file = asset_path(spec, path, spec.meshdir, mesh.file) if mesh.file else None
-        place = pin.SE3(_rotation(mesh.refquat), np.array(mesh.refpos)).inverse()
-        if file is not None:
-            shown.append((geom, name, _Mesh(str(file), np.array(mesh.scale), place)))
+        file = folder / (Path(mesh.file).name if spec.strippath else mesh.file)
+        if mesh.file:
+            place = placed(mesh.refpos, mesh.refquat).inverse()
+            shown.append((geom, _Mesh(str(file), np.array(mesh.scale), place)))
         if _gives_inertia(spec, geom):
-            if file is not None and (not is_file(file) or begins(file, _LFS)):
+            if mesh.file and (not is_file(file) or begins(file, _LFS)):
                 raise JointplayError(
                     f"body {geom.parent.name!r} takes its inertia from the mesh {str(file)!r}, "
                     "which is missing: put it there, or give the body an <inertial>"
@@ -329,7 +314,7 @@ def _lighten(spec: Any, path: Path) -> list[tuple[Any, _Mesh]]:
     unread = [*spec.textures, *spec.skins, *spec.hfields]
     for unused in [*unread, *(mesh for name, mesh in meshes.items() if name not in needed)]:
         spec.delete(unused)
-    return [(g, mesh) for g, _, mesh in shown]
+    return shown
 
 
 def _gives_inertia(spec: Any, geom: Any) -> bool:
@@ -350,15 +335,10 @@ def _gives_inertia(spec: Any, geom: Any) -> bool:
     return moves
 
 
-def _rotation(quaternion: Any) -> np.ndarray:
-    """Rotation matrix of MuJoCo's quaternion, w first."""
-    w, x, y, z = np.asarray(quaternion) / np.linalg.norm(quaternion)
-    return pin.Quaternion(w, x, y, z).toRotationMatrix()
-
-
 def placed(position: Any, quaternion: Any) -> pin.SE3:
     """Pose by MuJoCo's position and quaternion, w first."""
-    return pin.SE3(_rotation(quaternion), np.array(position))
+    w, x, y, z = np.asarray(quaternion) / np.linalg.norm(quaternion)
+    return pin.SE3(pin.Quaternion(w, x, y, z).toRotationMatrix(), np.array(position))
 
 
 @dataclass(frozen=True)
@@ -507,13 +487,12 @@ class _Reading:
             else:
                 by_joint.setdefault(int(model.actuator_trnid[i, 0]), []).append(i)
         for joint, actuators in by_joint.items():
-            alone = len(actuators) == 1
             cut = any(model.actuator_forcelimited[i] or self._clamps(i) for i in actuators)
-            if not alone and cut:
+            if cut and len(actuators) > 1:
                 for i in actuators:
                     self._leave("several actuators with limits on one joint", i)
-                continue
-            yield joint, self._servo(joint, actuators)
+            else:
+                yield joint, self._servo(joint, actuators)
 
     def _not_acted_on(self) -> Iterator[int]:
         """Joints on which no actuator acts, in a robot with actuators: they are free in MuJoCo."""
@@ -738,7 +717,7 @@ class _Reading:
             parent, place = child, anchor.inverse()
         link = put(root, "link", name=name)
         if parent != name:
-            put_fixed(root, _unused(f"{name}_fixed", self.names), parent, name, place)
+            put_joint(root, _unused(f"{name}_fixed", self.names), parent, name, place)
         if inertias[body].mass > 0.0:
             put_inertial(link, inertias[body])
         self._put_shapes(link, body)
@@ -749,7 +728,7 @@ class _Reading:
                 frame = _unused(site, self.names)
                 put(root, "link", name=frame)
                 at = placed(model.site_pos[s], model.site_quat[s])
-                put_fixed(root, _unused(f"{frame}_fixed", self.names), name, frame, at)
+                put_joint(root, _unused(f"{frame}_fixed", self.names), name, frame, at)
 
     def _put_joint(
         self, root: Element, joint: int, parent: str, child: str, place: pin.SE3
@@ -761,16 +740,13 @@ class _Reading:
             kind = "floating"
         elif self.types[joint] == kinds.mjJNT_SLIDE:
             kind = "prismatic"
-        element = put(root, "joint", name=self.joint_names[joint], type=kind)
         if kind != "floating":  # zero is where MuJoCo's coordinate is zero
             zero = -float(model.qpos0[model.jnt_qposadr[joint]]) * axis
             still = np.zeros(3)
             place = place * (
                 pin.SE3(np.eye(3), zero) if kind == "prismatic" else pin.SE3(pin.exp3(zero), still)
             )
-        element.append(origin_of(place))
-        put(element, "parent", link=parent)
-        put(element, "child", link=child)
+        element = put_joint(root, self.joint_names[joint], parent, child, place, kind)
         if kind == "floating":
             return
         put(element, "axis", xyz=axis)
@@ -804,11 +780,9 @@ class _Reading:
             tags += ["collision"] * bool(model.geom_contype[g] or model.geom_conaffinity[g])
             material = int(model.geom_matid[g])
             colour = model.geom_rgba[g] if material < 0 else model.mat_rgba[material]
-            for place, tag, sizes in self._shapes(int(g)):
+            for place, form, sizes in self._shapes(int(g)):
                 for role in tags:
-                    shape = put(link, role)
-                    shape.append(origin_of(place))
-                    put(put(shape, "geometry"), tag, **sizes)
+                    shape = put_shape(link, role, place, form, **sizes)
                     if role == "visual":
                         looks = put(shape, "material", name=" ".join(f"{x:.3g}" for x in colour))
                         put(looks, "color", rgba=colour)
@@ -894,15 +868,13 @@ class _Reading:
                 "the usual drives hold them, or follow a motion"
             )
         yield from self.remarks
-        ranges = [model.jnt_range[j] for j in self.joints]
-        turned = [
-            named[j]
-            for j, (low, high) in zip(self.joints, ranges, strict=True)
-            if low > high and not model.jnt_limited[j]
-        ]
-        if turned:
+        falling = model.jnt_range[:, 0] > model.jnt_range[:, 1]
+        if turned := [named[j] for j in self.joints if falling[j] and not model.jnt_limited[j]]:
             yield f"note: a range from above to below is none in MuJoCo: {few(turned)}"
-        tendons = sum(play.hinge in self._wrapped() for play in self.play.values())
+        hinges = [play.hinge for play in self.play.values()]
+        alone = model.tendon_adr[model.tendon_num == 1]
+        alone = alone[model.wrap_type[alone] == self.mujoco.mjtWrap.mjWRAP_JOINT]
+        tendons = sum(hinge in model.wrap_objid[alone] for hinge in hinges)
         left = {
             "contacts": any(model.geom_contype) or any(model.geom_conaffinity),
             "tendons": model.ntendon > tendons,
@@ -916,7 +888,14 @@ class _Reading:
                 for name, rows in (("dof_damping", model.nv), ("jnt_stiffness", model.njnt))
             ),
         }
-        for group, joints in self._of_which_little_is_read().items():
+        ball, free = self.mujoco.mjtJoint.mjJNT_BALL, self.mujoco.mjtJoint.mjJNT_FREE
+        all_joints = (j for i in self.bodies for j in self._joints(i))
+        groups = {
+            "balls": [j for j in self.joints if self.types[j] == ball],
+            "the free base": [j for j in all_joints if self.types[j] == free],
+            "hinges of play": hinges,
+        }
+        for group, joints in groups.items():
             for word, array in _BESIDE.items():
                 left[f"{word} of {group}"] = any(self._has(array, j) for j in joints)
         # The limits of a hinge of play are the play; its armature is the rotor's, if the joint has
@@ -939,29 +918,11 @@ class _Reading:
         if unread:
             yield f"note: not read of the MJCF: {', '.join(unread)}"
 
-    def _of_which_little_is_read(self) -> dict[str, list[int]]:
-        """Joints whose losses, springs and limits are not read, by a word for what they are."""
-        ball, free = self.mujoco.mjtJoint.mjJNT_BALL, self.mujoco.mjtJoint.mjJNT_FREE
-        return {
-            "balls": [j for j in self.joints if self.types[j] == ball],
-            "the free base": [
-                j for i in self.bodies for j in self._joints(i) if self.types[j] == free
-            ],
-            "hinges of play": [play.hinge for play in self.play.values()],
-        }
-
     def _has(self, array: str, joint: int) -> bool:
         """Whether a joint's entry in a compiled array, by joint or by freedom, is not zero."""
         values = getattr(self.model, array)
         row = joint if array.startswith("jnt") else self._dof(joint)
         return bool(values.reshape(len(values), -1)[row, 0])
-
-    def _wrapped(self) -> set[int]:
-        """Joints that have a tendon for themselves."""
-        model = self.model
-        alone = model.tendon_adr[model.tendon_num == 1]
-        joints = model.wrap_type[alone] == self.mujoco.mjtWrap.mjWRAP_JOINT
-        return set(map(int, model.wrap_objid[alone][joints]))
 
 
 def _stop(solref: Any, solimp: Any, inertia: float) -> tuple[float, float]:

@@ -11,7 +11,7 @@ import pinocchio as pin
 
 from jointplay.base.errors import JointplayError
 from jointplay.model import urdf
-from jointplay.model.elements import document, origin_of, put, put_fixed, put_inertial
+from jointplay.model.elements import document, put, put_inertial, put_joint
 from jointplay.model.frames import single_axis
 
 _WITHOUT_LIMITS = "JointModelRU"
@@ -46,7 +46,7 @@ def description_of_model(
         names.add(frame.name)
         put(root, "link", name=frame.name)
         parent = carriers[frame.parentJoint]
-        put_fixed(root, f"{frame.name}_fixed", parent, frame.name, frame.placement)
+        put_joint(root, f"{frame.name}_fixed", parent, frame.name, frame.placement)
     gravity = [float(x) for x in model.gravity.linear]
     armature = {
         model.names[index]: float(model.armature[model.joints[index].idx_v])
@@ -90,10 +90,8 @@ def _put_joint(
         low, high = model.lowerPositionLimit[at], model.upperPositionLimit[at]
     ends = bool(np.isfinite([low, high]).all() and abs(low) < 1e300 and abs(high) < 1e300)
     kind_name = "prismatic" if slides else "revolute" if ends else "continuous"
-    element = put(root, "joint", name=name, type=kind_name)
-    element.append(origin_of(model.jointPlacements[index]))
-    put(element, "parent", link=carriers[model.parents[index]])
-    put(element, "child", link=carriers[index])
+    parent, place = carriers[model.parents[index]], model.jointPlacements[index]
+    element = put_joint(root, name, parent, carriers[index], place, kind_name)
     put(element, "axis", xyz=axis)
     limits |= {"lower": low, "upper": high} if ends else {}
     limits = {key: x for key, x in limits.items() if np.isfinite(x) and abs(x) < 1e300}

@@ -12,7 +12,7 @@ import pinocchio as pin
 
 from jointplay.base.errors import JointplayError
 from jointplay.base.files import is_file
-from jointplay.base.tables import aligned, wrapped
+from jointplay.base.tables import aligned, few, wrapped
 from jointplay.model.formats import urdf_text
 from jointplay.model.inertias import ALL, impossible_inertias
 from jointplay.model.massless import massless_links, massless_motions
@@ -66,7 +66,7 @@ class Survey:
             (self.unphysical, "physically impossible inertia, must be allowed: {}"),
             (self.mimics, "joints that follow others: {}"),
         )
-        lines = tuple(text.format(_list(names)) for names, text in remarks if names)
+        lines = tuple(text.format(few(list(names), 4)) for names, text in remarks if names)
         lines += self.doubts
         if not self.moving:
             lines = ("has no joint that moves: nothing can be simulated", *lines)
@@ -125,24 +125,19 @@ def survey(place: str | Path, xacro: Mapping[str, Value] | None = None) -> Surve
     followers = tuple(n for n in moving if n in following)
     doubtful = tuple(doubts(root))
     unphysical = tuple(impossible_inertias(root))
+    mechanism, serial, problem = None, False, ""
+    massless: tuple[str, ...] = ()
     try:
         mechanism = Mechanism(parse(text, path, [ALL]), allow_unphysical=[ALL])
-    except JointplayError as error:
-        why = str(error)
-        return Survey(name, path, moving, False, unphysical, followers, (), why, doubtful)
-    moving = {n: moving[n] for n in mechanism.coordinates}
-    still = pin.neutral(mechanism.model)
-    massless: tuple[str, ...] = ()
-    problem = ""
-    try:
+        serial = mechanism.description.serial
+        moving = {n: moving[n] for n in mechanism.coordinates}
+        still = pin.neutral(mechanism.model)
         free = massless_motions(mechanism, still) if moving else np.zeros((0, 0))
         massless = tuple(massless_links(mechanism, still, free).values())
     except JointplayError as error:
         problem = str(error)
-    serial = mechanism.description.serial
     return Survey(
-        *(name, path, moving, serial, unphysical, followers, massless, problem, doubtful),
-        mechanism,
+        *(name, path, moving, serial, unphysical, followers, massless, problem, doubtful), mechanism
     )
 
 
@@ -173,8 +168,3 @@ def _joints(description: Description, names: Iterable[str]) -> list[tuple[str, .
         ends = (entry.kind, entry.parent, entry.child)
         rows.append((name, *ends, position, speed, effort, "; ".join(more)))
     return rows
-
-
-def _list(names: tuple[str, ...], most: int = 4) -> str:
-    more = f" and {len(names) - most} more" if len(names) > most else ""
-    return ", ".join(names[:most]) + more

@@ -258,11 +258,6 @@ class Description:
             yield joint
             link = joint.parent
 
-    def free_base(self, gravity: Sequence[float]) -> str:
-        """A sentence that the base is free, and whether it falls under `gravity`."""
-        falls = ", and it falls unless loads carry it" if any(gravity) else ""
-        return f"the base {self.root!r} is free: nothing holds it{falls}"
-
     @property
     def held(self) -> str:
         """A sentence that the base is held; empty for robots whose base everybody expects held.
@@ -306,15 +301,6 @@ class Description:
     def elements(self) -> ElementTree.Element:
         """A copy of the URDF's root element, which may be changed."""
         return deepcopy(self.parsed)
-
-
-def with_geared(description: Description, joints: Collection[str]) -> Description:
-    """The description without the armature of geared `joints`, whose rotors the gears have."""
-    armature = description.beyond.armature
-    if armature.keys().isdisjoint(joints):
-        return description
-    direct = {name: armature[name] for name in armature if name not in joints}
-    return with_armature(description, direct)
 
 
 def with_armature(description: Description, armature: Mapping[str, float]) -> Description:

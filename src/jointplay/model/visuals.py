@@ -11,6 +11,7 @@ from __future__ import annotations
 import re
 import warnings
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import lru_cache
 from importlib.metadata import PackageNotFoundError, distribution
@@ -253,34 +254,21 @@ def find_mesh(name: str, folders: Sequence[Path], anywhere: bool = True) -> Path
     are moved when robots are collected, with leading folders of ``rest`` left out. Unless
     `anywhere`, the file must lie inside the folders: no absolute path, and none that leads out.
     """
-    try:
-        return _find(name, folders, anywhere)
-    except (OSError, ValueError):  # a name that no file can have
-        return None
-
-
-def _find(name: str, folders: Sequence[Path], anywhere: bool) -> Path | None:
-    address = urlparse(name)
-    path = Path(unquote(address.path).lstrip("/")) if address.scheme else Path(name)
-    if address.scheme == "file" or (not address.scheme and path.is_absolute()):
-        path = Path("/") / path
-        allowed = anywhere or any(_inside(path, folder) for folder in folders)
-        return path if allowed and path.is_file() else None
-    candidates = [
-        (folder, folder / part)
-        for folder in folders
-        for part in (Path(address.netloc) / path, path)
-    ]
-    if address.scheme == "package":
-        # A URDF of example-robot-data says package://example-robot-data/robots/...
-        candidates += [
-            (folder, folder / Path(*path.parts[depth:]))
-            for folder in folders
-            for depth in range(1, len(path.parts) - 1)
-        ]
-    for folder, candidate in candidates:
-        if candidate.is_file() and (anywhere or _inside(candidate, folder)):
-            return candidate.resolve()
+    with suppress(OSError, ValueError):  # a name that no file can have
+        address = urlparse(name)
+        path = Path(unquote(address.path).lstrip("/")) if address.scheme else Path(name)
+        if address.scheme == "file" or (not address.scheme and path.is_absolute()):
+            path = Path("/") / path
+            allowed = anywhere or any(_inside(path, folder) for folder in folders)
+            return path if allowed and path.is_file() else None
+        parts = [(folder, part) for folder in folders for part in (address.netloc / path, path)]
+        if address.scheme == "package":
+            # A URDF of example-robot-data says package://example-robot-data/robots/...
+            shorter = [Path(*path.parts[depth:]) for depth in range(1, len(path.parts) - 1)]
+            parts += [(folder, part) for folder in folders for part in shorter]
+        for folder, part in parts:
+            if (folder / part).is_file() and (anywhere or _inside(folder / part, folder)):
+                return (folder / part).resolve()
     return None
 
 

@@ -16,6 +16,7 @@ import string
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import redirect_stderr, redirect_stdout
+from functools import partial
 from types import SimpleNamespace
 from typing import Any
 from xml.dom import expatbuilder, minidom  # the former is imported at the first use otherwise
@@ -181,7 +182,7 @@ def _type(value: Any) -> type:
 
 
 class _Checked(ast.NodeTransformer):
-    """Refuses names that lead to Python's internals; `_Attributes` looks up what has a dot."""
+    """Refuses names that lead to Python's internals; `_attribute` looks up what has a dot."""
 
     def generic_visit(self, node: ast.AST) -> ast.AST:
         if isinstance(node, _REFUSED):
@@ -208,31 +209,28 @@ def _evaluate(text: str, names: dict[str, Any], xacro: Any) -> Any:
     except ValueError as error:  # a null byte
         raise Refused(str(error)) from None
     dict.__setitem__(names, "__builtins__", {})
-    dict.__setitem__(names, _ATTRIBUTE, _Attributes(xacro))
+    dict.__setitem__(names, _ATTRIBUTE, partial(_attribute, xacro))
     return eval(code, names)
 
 
-class _Attributes:
+def _attribute(xacro: Any, value: Any, name: str) -> Any:
     """``value.name`` in an expression: an entry of a table or namespace, or a method of data."""
-
-    def __init__(self, xacro: Any) -> None:
-        self._xacro = xacro
-
-    def __call__(self, value: Any, name: str) -> Any:
-        xacro, kind = self._xacro, type(value)
-        if kind is xacro.NameSpace:
-            try:
-                return value[name]
-            except KeyError:
-                raise NameError(f"name '{name}' is not defined") from None
-        plain = {xacro.YamlDictWrapper: dict, xacro.YamlListWrapper: list}.get(kind, kind)
-        if plain in _DATA and not name.startswith("_") and hasattr(plain, name):
-            if kind is str and name in ("format", "format_map"):
-                return _FORMATS[name](value)
-            return getattr(value, name)
-        if kind is xacro.YamlDictWrapper:
+    kind = type(value)
+    if kind is xacro.NameSpace:
+        try:
             return value[name]
-        raise Refused(f"{kind.__name__} has no .{name} in a xacro")
+        except KeyError:
+            raise NameError(f"name '{name}' is not defined") from None
+    plain = {xacro.YamlDictWrapper: dict, xacro.YamlListWrapper: list}.get(kind, kind)
+    if plain in _DATA and not name.startswith("_") and hasattr(plain, name):
+        if kind is str and name == "format":
+            return lambda *args, **named: _Formatter().vformat(value, args, named)
+        if kind is str and name == "format_map":
+            return lambda named: _Formatter().vformat(value, (), named)
+        return getattr(value, name)
+    if kind is xacro.YamlDictWrapper:
+        return value[name]
+    raise Refused(f"{kind.__name__} has no .{name} in a xacro")
 
 
 class _Formatter(string.Formatter):
@@ -242,12 +240,6 @@ class _Formatter(string.Formatter):
         if "." in field_name:
             raise Refused(f"invalid field {{{field_name}}}")
         return super().get_field(field_name, args, kwargs)
-
-
-_FORMATS: dict[str, Callable[[str], Callable[..., str]]] = {
-    "format": lambda text: lambda *args, **named: _Formatter().vformat(text, args, named),
-    "format_map": lambda text: lambda named: _Formatter().vformat(text, (), named),
-}
 
 
 def _require_links(root: Any, path: str, parent: _Parent) -> None:
@@ -307,16 +299,11 @@ def _misread(text: str) -> bool:
         return True
 
 
-def _causes(error: Any) -> Iterator[Any]:
-    """An error of the library, and the errors that it wraps, outermost first."""
-    while isinstance(error, Exception):
-        yield error
-        error = getattr(error, "exc", None)
-
-
 def _fault(error: Exception, path: str, arguments: _Arguments, xacro: Any) -> str:
     """Message on an error, with the included file and the macro in which it came up."""
-    *_, cause = _causes(error)
+    cause: Any = error
+    while isinstance(wrapped := getattr(cause, "exc", None), Exception):
+        cause = wrapped
     name = arguments.missing
     if name and cause.args == (name,):
         text = f"argument {name!r} has no value: give it by --xacro {name}:=VALUE"

@@ -1,9 +1,8 @@
-"""What happens in a joint: geometry, laws of force, kinds of joint, the kernel.
+"""Physics of joints: geometry, contact laws, kinds of joint, the compiled time loop.
 
 `geometry` finds where bodies touch, `contact` has the laws of force (eqs 10 to 21 and others),
-`joints` says what a joint with clearance is, kind by kind, and `kernel` is the compiled code that
-steps through time. Nothing here knows of robots' descriptions, motions, results or studies: what
-the kernel is given are arrays.
+`joints` the kinds of joint with clearance, and `kernel` the compiled code that steps through time.
+Nothing here knows of robots' descriptions, motions, results or studies: the kernel is given arrays.
 """
 
 import lazy_loader

@@ -175,8 +175,7 @@ def drive_of(model: Model, mechanism: Mechanism) -> dict[str, Drive]:
                 "a torque acts on one joint; give [drives.JOINT]", where=("drive", "kind")
             )
         for name in mechanism.joints:
-            if name in mechanism.description.joints:
-                of_joint(shared, ("drive",), partial(fit, mechanism, name))  # refuses misfits
+            of_joint(shared, ("drive",), partial(fit, mechanism, name))  # refuses misfits
         with within("drive"):
             common = shared.make()
     by_joint = made_by_joint(model.drives, mechanism, "drives")
@@ -574,8 +573,7 @@ def _of_reach(
     except JointplayError as error:
         if any(isinstance(drives.get(name), Prescribed) for name in motion.joints):
             raise JointplayError(
-                f"{error}, and a prescribed drive gives way to nothing",
-                where=("motion",),
+                f"{error}, and a prescribed drive gives way to nothing", where=("motion",)
             ) from None
         return [f"warning: {error}; a machine that is driven on breaks there"]
     return []
@@ -598,7 +596,7 @@ def _of_falling(
     motors = [
         name
         for name in mechanism.joints
-        if name in entries and drives[name].follows and (entries[name].effort or name in driven)
+        if drives[name].follows and (entries[name].effort or name in driven)
     ]
     q = mechanism.configuration(dict.fromkeys(motors, _TURNED))
     weight = mechanism.gravity_forces(q)
@@ -674,7 +672,7 @@ def _built_anew(
     for name, ends in model.loops.items():
         bearing, journal = ends.bearing, ends.journal
         with within("loops", name):
-            refuse_name(name, description.joints)
+            refuse_name(name, description.joints)  # lest a joint be found missing instead
             loops[name] = Loop(
                 bearing.link, journal.link, bearing.xyz, bearing.rpy, journal.xyz, journal.rpy
             )

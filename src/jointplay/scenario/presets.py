@@ -88,13 +88,18 @@ class _Joints(_Joint):
 
 @dataclass(frozen=True, kw_only=True)
 class _Head:
-    """Table [preset] of a file; see `Preset`."""
+    """Table [preset] of a file."""
 
     description: str = ""
+    """The robot, or class of robots, in a line."""
     known: str = _UNSAID
+    """What is publicly known of the robot, in words."""
     robots: tuple[str, ...] = ()
+    """Short names of the robots that the preset is for; none: any arm."""
     robot: str | None = None
+    """URDF that the preset was made for, if there is one."""
     errors: str = choice("class of errors", CLASSES, default="")
+    """Class of errors besides play (`accuracy.robot_errors`)."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -133,24 +138,14 @@ class _File:
     origin: list[Origin] = field(default_factory=list)
 
 
-@dataclass(frozen=True)
-class Preset:
+@dataclass(frozen=True, kw_only=True)
+class Preset(_Head):
     """Bearings, gears, drives and friction of a robot's joints, or of a class of robots'.
 
     One of `every`, `ordered` and `named` has the tables.
     """
 
     name: str
-    description: str
-    """The robot, or class of robots, in a line."""
-    known: str
-    """What is publicly known of the robot, in words."""
-    robots: tuple[str, ...]
-    """Short names of the robots that the preset is for; none: any arm."""
-    robot: str | None
-    """URDF that the preset was made for, if there is one."""
-    errors: str
-    """Class of errors besides play (`accuracy.robot_errors`)."""
     origins: tuple[Origin, ...]
     every: Mapping[str, Any] = field(default_factory=dict)
     """Tables for each of several joints, and under ``joints`` their names."""
@@ -195,15 +190,12 @@ class Preset:
             for part, by_joint in by_part.items():
                 for joint, table in by_joint.items():
                     named.setdefault(joint, {})[part] = table
-        known = "what was measured on this robot, and what stood in its scenario"
         return cls(
-            str(robot or description),
-            description,
-            known,
-            (),
-            robot,
-            "",
-            tuple(origins),
+            name=str(robot or description),
+            description=description,
+            known="what was measured on this robot, and what stood in its scenario",
+            robot=robot,
+            origins=tuple(origins),
             named=named,
         )
 
@@ -389,7 +381,12 @@ def _read(path: Path, name: str) -> Preset:
     data = parsed(text, path)
     try:
         file: _File = make(check(_File, data), objects=False)
-        for place, tables in _places(data):
+        joint: Any = data.get("joint", {})
+        is_named = isinstance(joint, dict)
+        entries = joint.items() if is_named else enumerate(joint)
+        places: dict[tuple[Any, ...], Any] = {("joint", key): tables for key, tables in entries}
+        places |= {("every",): data["every"]} if "every" in data else {}
+        for place, tables in places.items():
             for part in tables.keys() & _KINDS.keys():
                 with within(*place, part):
                     try:
@@ -405,33 +402,14 @@ def _read(path: Path, name: str) -> Preset:
             )
     except JointplayError as error:
         raise JointplayError(f"{said_at(path, lines(text), error.where)}: {error}") from None
-    head, joint = file.preset, data.get("joint", {})
-    named = (
-        {whose: _whole(tables_of) for whose, tables_of in joint.items()}
-        if isinstance(joint, dict)
-        else {}
-    )
     return Preset(
-        name,
-        head.description or path.name,
-        head.known,
-        head.robots,
-        head.robot,
-        head.errors,
-        tuple(file.origin),
-        _whole(data.get("every", {})),
-        () if named else tuple(map(_whole, joint)),
-        named,
+        **vars(file.preset) | {"description": file.preset.description or path.name},
+        name=name,
+        origins=tuple(file.origin),
+        every=_whole(data.get("every", {})),
+        ordered=() if is_named else tuple(map(_whole, joint)),
+        named={whose: _whole(part) for whose, part in joint.items()} if is_named else {},
     )
-
-
-def _places(data: Mapping[str, Any]) -> Iterator[tuple[tuple[str | int, ...], Mapping[str, Any]]]:
-    """Keys of the tables of joints in a preset's file, and these tables."""
-    joint = data.get("joint", {})
-    for key, tables in joint.items() if isinstance(joint, dict) else enumerate(joint):
-        yield ("joint", key), tables
-    if "every" in data:
-        yield ("every",), data["every"]
 
 
 def _whole(tables: Mapping[str, Any]) -> dict[str, Any]:

@@ -126,17 +126,11 @@ def lines(text: str) -> dict[Key, int]:
         chunk, opened = [], 0
         if header:
             table = _header(parsed, counts)
-            _note(known, table, start)
-        else:
-            for path in _paths(parsed):
-                _note(known, (*table, *path), start)
+        for path in [()] if header else _paths(parsed):
+            key = (*table, *path)
+            for size in range(1, len(key) + 1):  # and of the tables above it that have none yet
+                known.setdefault(key[:size], start)
     return known
-
-
-def _note(known: dict[Key, int], path: Key, line: int) -> None:
-    """Note the line of a key, and of the tables above it that have none yet."""
-    for size in range(1, len(path) + 1):
-        known.setdefault(path[:size], line)
 
 
 def _header(parsed: Any, counts: dict[Key, int]) -> Key:
@@ -402,11 +396,7 @@ class Scenario(Overview):
     """
 
     def __init__(
-        self,
-        text: str,
-        path: str | Path,
-        settings: Sequence[Setting] = (),
-        label: str = "",
+        self, text: str, path: str | Path, settings: Sequence[Setting] = (), label: str = ""
     ) -> None:
         """Check the scenario `text` of the file `path`; see `load`.
 
@@ -452,7 +442,7 @@ class Scenario(Overview):
         if self.settings:
             facts["settings"] = few([dotted(setting.key) for setting in self.settings])
         if self.sweep:
-            facts["sweep"] = few([key for key in self.sweep])
+            facts["sweep"] = few(list(self.sweep))
         for number, line in enumerate(self.assumptions, 1):
             facts[f"assumed {number}"] = line
         return f"{self.path.name}, {self.title}", facts
@@ -478,21 +468,15 @@ class Scenario(Overview):
                 "which joints have play and how it moves: jointplay init writes one to start from"
             )
         scenario = cls(read_text(Path(path), "scenario"), path, settings)
-        for data in (scenario._base, *scenario._changes.values()):
+        for case in (None, *scenario._changes):
             try:
-                ask_scales(Model, data)
+                ask_scales(Model, scenario._base if case is None else scenario._changes[case])
             except JointplayError as error:
-                case = next(
-                    (c for c, changes in scenario._changes.items() if changes is data), None
-                )
                 raise scenario.error(error.where, str(error), case) from None
         return scenario
 
     def simulation(
-        self,
-        case: str | None = None,
-        changes: Mapping[str, Any] | None = None,
-        still: bool = False,
+        self, case: str | None = None, changes: Mapping[str, Any] | None = None, still: bool = False
     ) -> Simulation:
         """The simulation of a case.
 
@@ -562,7 +546,10 @@ class Scenario(Overview):
         try:
             return Run(simulation, progress, records, ahead=ahead)
         except JointplayError as error:
-            raise self.error(_place_of(error), str(error), case, True) from None
+            where = error.where  # an input of `Simulation`, or a key of the scenario
+            if where and where[0] in _TABLES:
+                where = (_TABLES[str(where[0])], *where)
+            raise self.error(where, str(error), case, True) from None
 
     def model(self, case: str, changes: Mapping[str, Any] | None = None) -> Model:
         """The checked tables of a case; see `simulation`."""
@@ -756,11 +743,3 @@ def _keys(table: Mapping[str, Any]) -> Iterator[str]:
         yield key
         if isinstance(value, Mapping):
             yield from _keys(value)
-
-
-def _place_of(error: JointplayError) -> Key:
-    """Key of the scenario for an error about an input of `Simulation`."""
-    where = error.where
-    if where and where[0] in _TABLES:
-        return (_TABLES[str(where[0])], *where)
-    return where

@@ -197,34 +197,20 @@ def assumed_joint(
 
 
 def _steps(scenario: Scenario) -> tuple[list[Setting], str]:
-    """Settings that choose a robot's steps, if none are given, and a line on why."""
+    """Settings that choose a robot's steps, if none are given, and a line on why.
+
+    The usual method chooses them by their error. Others have equal steps: the usual one, or if that
+    is too long for the robot's impacts, one that resolves them, 1, 2 or 5 times a power of ten [s].
+
+    Raises:
+        JointplayError: links that joints move have no mass, or so little that no step would do.
+    """
     data = scenario.data(scenario.cases[0])
     integration = data.get("integration", {})
     if {"step", "tolerance"}.intersection(integration):
         return [], ""
     if integration.get("integrator", DEFAULT) == DEFAULT and "macro_step" not in integration:
         return [Setting(("integration", "tolerance"), TOLERANCE, "steps chosen")], BY_ERROR
-    choice = step_for(scenario)
-    if choice is None:
-        return [], ""
-    step, reason = choice
-    keys = [Setting(("integration", "step"), step, "step chosen")]
-    if "record_every" not in data.get("output", {}):  # records at the usual interval
-        interval = round(RecordSettings.record_every * Integration.step / step)
-        keys.append(Setting(("output", "record_every"), interval, "step chosen"))
-    return keys, f"step: {step:g} s (chosen: {reason}; --step selects another)"
-
-
-def step_for(scenario: Scenario) -> tuple[float, str] | None:
-    """A step that resolves a robot's impacts, if the usual one is too long for them.
-
-    Returns:
-        The step [s], 1, 2 or 5 times a power of ten, and the reason in words; None if the usual
-        one is short enough.
-
-    Raises:
-        JointplayError: links that joints move have no mass, or so little that no step would do.
-    """
     from jointplay.model.impact import contact_duration, effective_mass
     from jointplay.model.massless import require_inertia
     from jointplay.physics.contact.resultant import HOLDING
@@ -243,7 +229,7 @@ def step_for(scenario: Scenario) -> tuple[float, str] | None:
     }
     shortest = min(durations, key=durations.__getitem__, default=None)
     if shortest is None or durations[shortest] >= MARGIN * MIN_CONTACT_STEPS * simulation.step:
-        return None
+        return [], ""
     most = durations[shortest] / (MARGIN * WELL_RESOLVED_STEPS)
     if most < SHORTEST_STEP:
         link = mechanism.description.joints[shortest].child
@@ -253,7 +239,13 @@ def step_for(scenario: Scenario) -> tuple[float, str] | None:
             f"there weighs next to nothing ({mass:.2g} kg): give link {link!r} and those beyond it "
             "an <inertial> of their size in the URDF, or put the clearance into another joint"
         )
-    return round_below(most), f"an impact in {shortest} lasts {durations[shortest]:.2g} s"
+    step = round_below(most)
+    keys = [Setting(("integration", "step"), step, "step chosen")]
+    if "record_every" not in data.get("output", {}):  # records at the usual interval
+        interval = round(RecordSettings.record_every * Integration.step / step)
+        keys.append(Setting(("output", "record_every"), interval, "step chosen"))
+    reason = f"an impact in {shortest} lasts {durations[shortest]:.2g} s"
+    return keys, f"step: {step:g} s (chosen: {reason}; --step selects another)"
 
 
 def robot_place(place: str | None) -> str:

@@ -13,13 +13,13 @@ from jointplay.base.units import readable
 from jointplay.model.gear import Gear
 from jointplay.model.impact import contact_duration
 from jointplay.model.mechanism import Mechanism
+from jointplay.model.payload import Payload
 from jointplay.physics.contact.functions import OfFunction
 from jointplay.physics.contact.law import Law
 from jointplay.physics.joints import RollingBearing
 from jointplay.scenario.build import errors_of
 from jointplay.scenario.reading import Scenario
 from jointplay.simulation.initial import settled_drives
-from jointplay.simulation.loads import Load
 from jointplay.simulation.loads.drive import BANDWIDTH, ComputedTorque
 from jointplay.simulation.loads.limits import LIMITS
 from jointplay.simulation.run import Run
@@ -65,10 +65,7 @@ def facts(run: Run) -> dict[str, str]:
     facts |= {name: known[name] for name in ("gravity", "base", "held joints") if name in known}
     if mechanism.allow_unphysical:
         facts["impossible inertias"] = few(list(mechanism.allow_unphysical))
-    for name, loop in mechanism.loops.items():
-        facts[f"loop {name}"] = (
-            f"{mechanism.loop_class(name).kind}, {loop.bearing_link} - {loop.journal_link}"
-        )
+    facts |= {f"loop {name}": known[f"loop {name}"] for name in mechanism.loops}
     facts |= {f"link {name}": details for name, details in mechanism.flexible.items()}
     hinges = {name for names in mechanism.hinges.values() for name in names}
     step = simulation.step
@@ -110,7 +107,8 @@ def facts(run: Run) -> dict[str, str]:
     for number, payload in enumerate(simulation.payloads, 1):
         facts[f"payload {number}"] = f"at {payload.frame}: {_fields(payload)}"
     for name, load in simulation.loads.items():
-        facts[f"load {name}"] = f"{load.kind}: {_load_fields(load, mechanism)}"
+        entry = mechanism.description.joints.get(getattr(load, "joint", ""))
+        facts[f"load {name}"] = f"{load.kind}: {_fields(load, entry, zeros=False)}"
     if simulation.limits != LIMITS[0]:
         facts["limits"] = simulation.limits
     units = {name: entry.unit for name, entry in mechanism.description.joints.items()}
@@ -134,22 +132,6 @@ def _place(coordinate: float) -> float:
     return round(float(coordinate), 9) + 0.0
 
 
-def _load_fields(load: Load, mechanism: Mechanism) -> str:
-    """Fields of a load with units, without those that are not set or zero."""
-    parts = []
-    entry = mechanism.description.joints.get(getattr(load, "joint", ""))
-    slides = entry is not None and entry.slides
-    description = load.describe()
-    for name, field in fields_of(type(load)).items():
-        value = description.get(name)
-        numbers = value if isinstance(value, list) else [value]
-        if name == "source" or value is None or not any(numbers):
-            continue
-        unit = field.units[slides and len(field.units) > 1]
-        parts.append(f"{name.replace('_', ' ')} {_part(value, unit)}")
-    return ", ".join(parts)
-
-
 def _or_none(name: str, value: float | None, unit: str) -> str:
     return "" if value is None else f"{name}{readable(value, unit)}"
 
@@ -164,7 +146,7 @@ def _part(value: Any, unit: str) -> str:
 
 
 def _fields(described: Any, joint: Any = None, zeros: bool = True) -> str:
-    """Fields of a value with units, without those that are not set, and zeros unless `zeros`."""
+    """Fields of a value with units, without those not set, nor empty or zero unless `zeros`."""
     parts = []
     kind: Any = type(described)
     # A user's function has a name and numbers only as files describe it.
@@ -176,7 +158,9 @@ def _fields(described: Any, joint: Any = None, zeros: bool = True) -> str:
         name = name.replace("_", " ")
         unset = value is None or value is False
         unset = unset or (isinstance(value, Mapping | list | tuple) and not value)
-        if unset or name in ("frame", "source") or (value == 0 and not zeros):
+        zero = not any(value) if isinstance(value, list | tuple) else not value
+        label = name == "frame" and isinstance(described, Payload)  # the fact begins with it
+        if unset or label or name == "source" or (zero and not zeros):
             continue
         if value is True:
             parts.append(name)

@@ -22,8 +22,9 @@ from jointplay.base.progress import ProgressBar
 from jointplay.base.tables import Column, Table
 from jointplay.simulation.loads import Controller, Servo
 from jointplay.simulation.simulation import Simulation
-from jointplay.study.hunting import STARTS, UNITS, Search, store_in
+from jointplay.study.hunting import STARTS, UNITS, Search
 from jointplay.study.released import Axis, released
+from jointplay.study.runs import store_in
 from jointplay.study.swings import QUIET, Swing
 
 LIKENESS = 0.02
@@ -210,51 +211,42 @@ def _kinds(positions: Sequence[Position]) -> list[list[Position]]:
     return kinds
 
 
-class _Gains:
-    """Searches the largest P gain at which each axis is calm, for all axes at once.
-
-    `loose` and `tight` are the swings at the present gains with play and without.
-    """
-
-    def __init__(self, axes: Sequence[Axis], search: Search) -> None:
-        self.axes, self.search = axes, search
-        self.loose = search.axis_swings(axes, True)
-        tight = search.axis_swings(axes, False)
-        self.tight = [QUIET if swing == QUIET else control
-                      for swing, control in zip(self.loose, tight, strict=True)]  # fmt: skip
-        gains = [(axis.gains["p_gain"], s) for axis, s in zip(axes, self.loose, strict=True)]
-        self.calm_gains = [gain if swing == QUIET else None for gain, swing in gains]
-        self.shaking_gains = [None if swing == QUIET else gain for gain, swing in gains]
-        # Away from the present gain until calm and shaking enclose the limit, then between them.
-        for _ in range(TRIES):
-            self._try(list(map(_outward, self.calm_gains, self.shaking_gains, axes)))
-        for _ in range(BETWEEN):
-            both = zip(self.calm_gains, self.shaking_gains, strict=True)
-            self._try([None if q is None or s is None else math.sqrt(q * s) for q, s in both])
-
-    def _try(self, gains: Sequence[float | None]) -> None:
-        """Run each axis with its gain, unless that is None, and narrow the axis' bracket."""
-        gain_by_index = {k: gain for k, gain in enumerate(gains) if gain is not None}
-        axes = [self.axes[k].with_gains(p_gain=gain) for k, gain in gain_by_index.items()]
-        swings = self.search.axis_swings(axes, True)
-        self.search.skip(len(gains) - len(axes))
-        for (k, gain), swing in zip(gain_by_index.items(), swings, strict=True):
-            (self.calm_gains if swing == QUIET else self.shaking_gains)[k] = gain
-
-
 def _judge(
     positions: Sequence[Position], search: Callable[[ProgressBar], Search], progress: bool
 ) -> None:
-    """Set the verdict and the calm gain of all positions, by one run of each group of like ones."""
+    """Set the verdict and the calm gain of all positions, by one search for each group of like
+    ones; all groups are searched at once.
+    """
     kinds = _kinds(positions)
-    # Runs with play, without it, and with the gains that `_Gains` tries at most.
+    axes = [kind[0].axis for kind in kinds]
+    # Runs with play, without it, and with the gains that are tried at most.
     total = len(STARTS) * len(kinds) * (2 + TRIES + BETWEEN)
     with ProgressBar(disable=not progress, unit="run", total=total) as bar:
-        gains = _Gains([kind[0].axis for kind in kinds], search(bar))
+        runs = search(bar)
+        loose, tight = (runs.axis_swings(axes, play) for play in (True, False))
+        gains = [(axis.gains["p_gain"], s) for axis, s in zip(axes, loose, strict=True)]
+        calm_gains = [gain if swing == QUIET else None for gain, swing in gains]
+        shaking_gains = [None if swing == QUIET else gain for gain, swing in gains]
+
+        def narrow(trials: Sequence[float | None]) -> None:
+            """Run each axis with its gain, unless that is None, and narrow the axis' bracket."""
+            gain_by_index = {k: gain for k, gain in enumerate(trials) if gain is not None}
+            changed = [axes[k].with_gains(p_gain=gain) for k, gain in gain_by_index.items()]
+            swings = runs.axis_swings(changed, True)
+            runs.skip(len(axes) - len(changed))
+            for (k, gain), swing in zip(gain_by_index.items(), swings, strict=True):
+                (calm_gains if swing == QUIET else shaking_gains)[k] = gain
+
+        # Away from the present gain until calm and shaking enclose the limit, then between them.
+        for _ in range(TRIES):
+            narrow(list(map(_outward, calm_gains, shaking_gains, axes)))
+        for _ in range(BETWEEN):
+            both = zip(calm_gains, shaking_gains, strict=True)
+            narrow([None if q is None or s is None else math.sqrt(q * s) for q, s in both])
     for k, kind in enumerate(kinds):
         for p in kind:
-            p.swing, p.control = gains.loose[k], gains.tight[k]
-            p.calm_gain, p.shaking_gain = gains.calm_gains[k], gains.shaking_gains[k]
+            p.swing, p.control = loose[k], QUIET if loose[k] == QUIET else tight[k]
+            p.calm_gain, p.shaking_gain = calm_gains[k], shaking_gains[k]
 
 
 def _outward(calm_gain: float | None, shaking_gain: float | None, axis: Axis) -> float | None:

@@ -25,7 +25,6 @@ from jointplay.scenario import Scenario
 from jointplay.scenario.reading import Setting
 from jointplay.simulation.analysis.tool_error import compare_tools, difference
 from jointplay.simulation.analysis.twins import ideal_simulation, task, tool_motion
-from jointplay.simulation.motion.reference import Motion
 from jointplay.simulation.result import netcdf
 from jointplay.simulation.result.result import Result
 from jointplay.simulation.result.stored import versions
@@ -36,10 +35,9 @@ from jointplay.study.measures import (
     measure,
     measure_function,
     needed,
-    own_measures,
     rests_of,
 )
-from jointplay.study.outcome import DONE, FAILED, Index, Outcome
+from jointplay.study.store import DONE, FAILED, Index, Outcome
 from jointplay.study.sweep_plan import SweepPlan
 
 Case = tuple[Index, Mapping[str, Any]]
@@ -104,7 +102,6 @@ class Bench:
         self.measures = {name: measure_function(name) for name in work.measures}
         self._integration = self.scenario.data(work.case).get("integration", {})
         self._ideals: OrderedDict[str, Result] = OrderedDict()
-        self._rests: tuple[Motion | None, float, tuple[float, ...]] | None = None
 
     def _unpack(self, inputs: Mapping[str, str], folder: Path) -> Path:
         """Write the files into a folder of this process, and note the new path of each.
@@ -183,10 +180,13 @@ class Bench:
             if complete and ideal is not result:
                 compare_tools(result, ideal)
             error = difference(result, ideal)
-            rests = self._rests_of(simulation.motion, float(result.time[-1]))
+            rests = rests_of(simulation.motion, float(result.time[-1]))
         values = measure(result, error, self.job.joints, rests)
         for name, function in self.measures.items():
-            own_values = own_measures(name, function(result))
+            returned = function(result)
+            if not isinstance(returned, dict):  # one number
+                returned = {name.rpartition(":")[2]: returned}
+            own_values = {str(label): float(value) for label, value in returned.items()}
             for label in own_values:
                 if label in values or label == COST or label.startswith(NUMERICAL_ERROR):
                     raise JointplayError(
@@ -194,12 +194,6 @@ class Bench:
                     )
             values |= own_values
         return values, netcdf.pack(result.dataset) if self.job.results else None
-
-    def _rests_of(self, motion: Motion | None, end: float) -> tuple[float, ...]:
-        """Times at which the reference stands still; remembered for the last motion."""
-        if self._rests is None or self._rests[0] is not motion or self._rests[1] != end:
-            self._rests = motion, end, rests_of(motion, end)
-        return self._rests[2]
 
     def _ideal(self, result: Result, simulation: Simulation) -> Result:
         """The ideal mechanism's run of the same task; the result itself if that is ideal."""

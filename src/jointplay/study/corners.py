@@ -9,7 +9,7 @@ puts them.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import product
 from typing import TYPE_CHECKING, Any
@@ -37,7 +37,7 @@ from jointplay.simulation.analysis.twins import TOOL_MOTIONS, ideal_simulation, 
 from jointplay.simulation.loads.drive import JointFriction, Prescribed, assign
 from jointplay.simulation.prepare import joint_friction
 from jointplay.simulation.simulation import Simulation
-from jointplay.study.study import Study
+from jointplay.study.study import Memory, Study
 
 if TYPE_CHECKING:
     from jointplay.accuracy.allocation import Correction
@@ -169,7 +169,7 @@ class Judgement:
     """Errors with the firmware's rule in place of the correction; None: no gear has play."""
     left_out: tuple[str, ...]
     """Uncertain quantities that the machine does not have."""
-    complete: bool = True
+    complete: bool
     """Whether all corners were run."""
 
     @property
@@ -287,26 +287,30 @@ def judge(
     quantities = _quantities_of(simulation)
     left_out = tuple(name for name in trust if name not in quantities)
     choices = [_limits(name, limit) for name, limit in trust.items() if name in quantities]
-    combinations = map(_combined, product(*choices) if choices else ())
-    variants: list[Variant] = [("as modelled", {}), *combinations]
-    rule = bool(firmware_rule(simulation, compensation.times).any())
-    by_key: dict[int, ToolErrors] = {}
-    plan: list[Trial] = [(compensation, c, motion) for _, c in variants for motion in MOTIONS]
-    plan += [(compensation, {}, "firmware")] * rule
-    complete = True
+    variants: list[Variant] = [("as modelled", {})]
+    for limits in product(*choices) if choices else ():
+        changes = {key: value for _, limit in limits for key, value in limit.items()}
+        variants.append((", ".join(label for label, _ in limits), changes))
+    plan: dict[tuple[str, str], Trial] = {
+        (label, motion): (compensation, changes, motion)
+        for label, changes in variants
+        for motion in MOTIONS
+    }
+    if firmware_rule(simulation, compensation.times).any():
+        plan["", "firmware"] = compensation, {}, "firmware"
+    errors, complete = Memory[ToolErrors](), True
     try:
-        for key, errors in Study(plan, _errors).outcomes(jobs, progress, desc="both motions"):
-            by_key[key] = errors
+        Study(plan, _errors, errors).run(jobs, progress, desc="both motions")
     except KeyboardInterrupt:
         complete = False
     corners = [
-        Corner(label, changes, by_key[2 * k], by_key[2 * k + 1])
-        for k, (label, changes) in enumerate(variants)
-        if 2 * k in by_key and 2 * k + 1 in by_key
+        Corner(label, changes, *(errors[label, motion] for motion in MOTIONS))
+        for label, changes in variants
+        if all((label, motion) in errors for motion in MOTIONS)
     ]
     if not corners:
         raise KeyboardInterrupt
-    firmware = by_key.get(2 * len(variants))
+    firmware = errors.get(("", "firmware"))
     return Judgement(compensation, tuple(corners), firmware, left_out, complete)
 
 
@@ -355,12 +359,6 @@ def _limits(name: str, trust: float | Mapping[str, Interval]) -> tuple[Variant, 
     return low, high
 
 
-def _combined(limits: Sequence[Variant]) -> Variant:
-    """A corner: all of these changes together."""
-    changes = {key: value for _, limit in limits for key, value in limit.items()}
-    return ", ".join(label for label, _ in limits), changes
-
-
 def _errors(item: Trial) -> ToolErrors:
     """Run one motion on the changed machine; its error is against the original motion's twin."""
     compensation, changes, motion_name = item
@@ -379,13 +377,17 @@ def _errors(item: Trial) -> ToolErrors:
 
 def tool_errors(run: Simulation, original: Simulation) -> ToolErrors:
     """The tool's error in a run against the ideal robot in the motion of `original`."""
+    motion = original.motion
+    assert motion is not None
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         result = run.run(check_step=False, estimate=False, only=list(TOOL_MOTIONS))
-        ideal = tool_motion(_as_sent(original))
+        # The ideal robot has each joint exactly where the original motion has it.
+        twin = ideal_simulation(original)
+        drives = assign(twin.mechanism, motion, original.drive)
+        exact = {name: Prescribed() if drive.follows else drive for name, drive in drives.items()}
+        ideal = tool_motion(replace(twin, drive=exact))
         shift, turn = (difference(result, ideal, f"tool_{x}") for x in ("position", "orientation"))
-    motion = original.motion
-    assert motion is not None
     times, values = shift["time"].values, np.hstack([shift.values, turn.values])
     size = np.linalg.norm(shift.values, axis=1)
     halts = [halt for halt in stops(motion, float(times[-1])) if halt.at_rest and halt.end > 0.0]
@@ -401,15 +403,6 @@ def tool_errors(run: Simulation, original: Simulation) -> ToolErrors:
         float(shifts.rms[-1]), float(underway), float(halted), float(shifts.peak[-1]),
         float(turns.rms[-1]), times, values
     )  # fmt: skip
-
-
-def _as_sent(simulation: Simulation) -> Simulation:
-    """The ideal robot, each joint exactly where the motion has it."""
-    ideal, motion = ideal_simulation(simulation), simulation.motion
-    assert motion is not None
-    drives = assign(ideal.mechanism, motion, simulation.drive)
-    exact = {name: Prescribed() if drive.follows else drive for name, drive in drives.items()}
-    return replace(ideal, drive=exact)
 
 
 def _quantities_of(simulation: Simulation) -> set[str]:

@@ -6,7 +6,6 @@ import dataclasses
 import hashlib
 import json
 from collections.abc import Sequence
-from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -25,8 +24,8 @@ from jointplay.simulation.analysis.twins import ideal_simulation
 from jointplay.simulation.motion.reference import Motion
 from jointplay.simulation.result.result import Result
 from jointplay.simulation.simulation import Simulation
-from jointplay.study.runs import MOST_RUNS, Arrays, Runs
-from jointplay.study.study import Measure, Memory, Study
+from jointplay.study.runs import MOST_RUNS, Arrays, store_in
+from jointplay.study.study import Measure, Study
 
 
 @dataclass(frozen=True)
@@ -107,10 +106,7 @@ def traces(
     check_numbers(max(len(simulations), 1), jobs)
     keys = [run_key(simulation) for simulation in simulations]
     plan = dict(zip(keys, simulations, strict=True))
-    with ExitStack() as stack:
-        store = Memory[Arrays]()
-        if keep is not None:
-            store = stack.enter_context(closing(Runs(keep / RUNS, {})))
+    with store_in(None if keep is None else keep / RUNS) as store:
         Study(plan, Measure(_course), store).run(jobs, progress, desc=label)
     return [Trace(**store[key]) for key in keys]
 

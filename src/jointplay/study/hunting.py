@@ -9,9 +9,8 @@ a gap's response to a sine, derived here and tested by integration.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import closing, contextmanager
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -26,7 +25,7 @@ from jointplay.simulation.loads import Controller, Servo
 from jointplay.simulation.simulation import Simulation
 from jointplay.study.courses import run_key
 from jointplay.study.released import UNITS, Axis, Released, released
-from jointplay.study.runs import Arrays, Runs
+from jointplay.study.runs import Arrays, store_in
 from jointplay.study.study import Memory, Study
 from jointplay.study.swings import DIVERGES, LONGEST_S, QUIET, Swing, Trial, swings
 
@@ -135,7 +134,7 @@ class Hunting:
     None: none. For a `MultiAxis` at rest means all of its joints that were looked at."""
     hunting: float | None
     """Smallest value tried at which a start hunts; None: none."""
-    above: Swing = QUIET
+    above: Swing
     """The largest swing without play at the gain `hunting`."""
 
     @property
@@ -165,16 +164,6 @@ def _swings_of(arrays: Arrays) -> list[Swing]:
     ]
 
 
-@contextmanager
-def store_in(path: Path | None) -> Iterator[Memory[Arrays]]:
-    """Store of trials: the file `path`, whose trials are not run again; None: memory."""
-    if path is None:
-        yield Memory[Arrays]()
-        return
-    with closing(Runs(path, {})) as store:
-        yield store
-
-
 @dataclass(frozen=True)
 class Search:
     """Runs released joints from all starts, and keeps the largest swing of each."""
@@ -183,7 +172,7 @@ class Search:
     longest: float | None
     jobs: int | None
     bar: ProgressBar
-    store: Memory[Arrays] = field(default_factory=Memory)
+    store: Memory[Arrays]
     """The trials that were run."""
 
     def largest(
@@ -307,10 +296,9 @@ def hunting(
                 (above,) = search.largest([group.with_gains(**{name: hunts})], False)
             elif name is not None:
                 search.skip(1)
-            for axis, *three in zip(group.axes, loose, tight, above, strict=True):
-                swing, control, tight_above = three
-                gains = value, quiet, hunts
-                answers.append(Hunting(axis, swing, control, predicted(axis), *gains, tight_above))
+            gains = value, quiet, hunts
+            for axis, swing, control, over in zip(group.axes, loose, tight, above, strict=True):
+                answers.append(Hunting(axis, swing, control, predicted(axis), *gains, over))
     return answers
 
 
@@ -389,12 +377,11 @@ def gain_map(
     second: Span,
     *,
     longest: float | None = None,
-    start: float = STARTS[1],
     jobs: int | None = None,
     keep: Path | None = None,
     progress: bool = False,
 ) -> GainMap:
-    """Run a joint at all pairs of two gains, with play and without, once each from one start.
+    """Run a joint at all pairs of two gains, with play and without, once each from `STARTS[1]`.
 
     No motion is longer than `longest` [s]; None: `DAY_S` under a servo, else `MAP_S`. For `keep`
     see `hunting`.
@@ -414,7 +401,7 @@ def gain_map(
     pairs = [group.with_gains(**{x: float(a), y: float(b)}) for b in ys for a in xs]
     total = 2 * len(pairs)
     with store_in(keep) as store, ProgressBar(disable=not progress, unit="run", total=total) as bar:
-        search = Search([start], longest, jobs, bar, store)
+        search = Search([STARTS[1]], longest, jobs, bar, store)
         loose, tight = (
             [swing for (swing,) in search.largest(pairs, play, MAP_S)] for play in (True, False)
         )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -75,14 +76,6 @@ def shipped(joints: Sequence[str]) -> dict[str, tuple[str, str]]:
         "under_resolved": ("1", "share of the normal impulse in contacts of too few steps"),
         "warnings": ("1", "warnings of the run's audit"),
     }
-
-
-def unit_and_meaning(name: str, joints: Sequence[str]) -> tuple[str, str] | None:
-    """Unit and meaning of a measure; None if it is of a user's own function."""
-    if name.startswith(NUMERICAL_ERROR):
-        figure = name.removeprefix(NUMERICAL_ERROR).replace("_", " ")
-        return "", f"numerical error of the {figure}, from refined runs"
-    return shipped(joints).get(name)
 
 
 def measure(
@@ -203,6 +196,7 @@ def _tool_error(
             yield f"tool_error_{name}_{part}", float(value)
 
 
+@lru_cache(maxsize=1)  # the cases of a sweep mostly have the same motion
 def rests_of(motion: Motion | None, end: float) -> tuple[float, ...]:
     """Times up to `end` at which the reference stands still, without the start [s]."""
     if motion is None:
@@ -226,12 +220,6 @@ def _forces(
         if len(joints) > 1:
             for label, value in forces.items():
                 yield f"{statistic}_force_{label}", value
-
-
-def own_measures(name: str, returned: Any) -> dict[str, float]:
-    """Numbers by name from what ``module:function`` returned: one number, or a dict of several."""
-    values = returned if isinstance(returned, dict) else {name.rpartition(":")[2]: returned}
-    return {str(key): float(value) for key, value in values.items()}
 
 
 # Measures of a user's own: functions of a result, named ``module:function``.

@@ -66,8 +66,9 @@ class Axis:
         drive: Any = self.drive
         return replace(self, drive=replace(drive, **gains))
 
-    def mechanism(self) -> Mechanism:
-        """A robot of this one joint, without gravity: the weight is a load of `simulation`."""
+    def simulation(self, duration: float) -> Simulation:
+        """Simulation of the servo holding the joint at zero for `duration` [s]."""
+        # A robot of this one joint, without gravity: the weight is a load.
         j, kind = repr(self.inertia), "prismatic" if self.slides else "continuous"
         inertia = f'<inertia ixx="{j}" iyy="{j}" izz="{j}" ixy="0" ixz="0" iyz="0"/>'
         limit = '<limit effort="0" velocity="0"/>' if self.slides else ""
@@ -77,22 +78,19 @@ class Axis:
             f"<joint name={quoteattr(self.joint)} type={quoteattr(kind)}>"
             f'<parent link="base"/><child link="link"/><axis xyz="0 0 1"/>{limit}</joint></robot>'
         )
-        return Mechanism(
+        mechanism = Mechanism(
             urdf.parse(text, Path("-")), gears={self.joint: self.gear}, gravity=(0.0, 0.0, 0.0)
         )
-
-    def simulation(self, duration: float) -> Simulation:
-        """Simulation of the servo holding the joint at zero for `duration` [s]."""
         assert isinstance(self.drive, Servo)
         vector = (0.0, 0.0, self.load)
         push = Wrench("link", force=vector) if self.slides else Wrench("link", moment=vector)
         return Simulation(
-            self.mechanism(),
+            mechanism,
             Motion([self.joint], [0.0, 1e-2], [[0.0], [0.0]]),
             drive=self.drive,
             joint_friction={self.joint: self.friction},
             loads={} if self.load == 0.0 else {"gravity": push},
-            **_at_rest(self.mechanism(), [self.drive], duration),
+            **_at_rest(mechanism, [self.drive], duration),
         )
 
 

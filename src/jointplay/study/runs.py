@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import json
 from base64 import b64decode, b64encode
-from collections.abc import Hashable, Mapping
-from contextlib import suppress
+from collections.abc import Hashable, Iterator, Mapping
+from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -89,6 +89,16 @@ class Runs(Memory[Arrays]):
         self._rows.close()
         if not self:
             self._rows.path.unlink(missing_ok=True)
+
+
+@contextmanager
+def store_in(path: Path | None) -> Iterator[Memory[Arrays]]:
+    """Store of runs: the file `path`, whose runs are not made again; None: memory."""
+    if path is None:
+        yield Memory[Arrays]()
+        return
+    with closing(Runs(path, {})) as store:
+        yield store
 
 
 def _packed(values: np.ndarray) -> tuple[str, tuple[int, ...], str]:

@@ -7,9 +7,11 @@ again.
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,7 +21,6 @@ from jointplay.base import files
 from jointplay.base.confined import MEMORY_SHARE, memory
 from jointplay.base.errors import JointplayError, damaged, one_line, require_a, require_whole
 from jointplay.study.database import FILE, KINDS, MOST_COLUMNS, Column, Rows, is_there
-from jointplay.study.outcome import DONE, FAILED, NOT_RUN, Index, Outcome
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -28,6 +29,10 @@ if TYPE_CHECKING:
     from jointplay.simulation.result.result import Result
     from jointplay.study.sweep_plan import SweepPlan
 
+NOT_RUN, DONE, FAILED = "not run", "done", "failed"
+"""The states of a case."""
+Index = tuple[int, ...]
+"""Position of a case along each dimension of its sweep."""
 RESULTS = "results"
 """Folder of the results of cases."""
 OUTCOME_COLUMNS = (
@@ -48,6 +53,17 @@ _ABOUT: dict[str, type] = {
 """Entries in which a store describes its sweep, with their types."""
 _KINDS = {"f": "REAL", "i": "INTEGER", "u": "INTEGER", "b": "BOOLEAN"}
 """Types of columns, by the kind of an array."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Outcome of a case: its status, measures by name, error message, and the result's file."""
+
+    index: Index
+    status: str
+    values: dict[str, float]
+    error: str = ""
+    result: bytes | None = None
 
 
 class SweepStore:
@@ -92,13 +108,21 @@ class SweepStore:
         """The entries `_ABOUT`, from the plan."""
         from jointplay.simulation.result.stored import versions
 
+        plan, scenario = self.plan, self.plan.scenario
         labels = {
             name: {"values": values.tolist(), **about}
-            for name, (along, values, about) in self.plan.coordinates.items()
+            for name, (along, values, about) in plan.coordinates.items()
             if name == along
         }
-        study = {"identity": dict(self.plan.identity), "sizes": dict(self.plan.sizes)}
-        return {**self.plan.attributes, **study, "labels": labels, "versions": versions()}
+        return {
+            "case": plan.case, "sampling": plan.sampling,
+            "sampled": [axis.name for axis in plan.drawn], "inputs": plan.inputs,
+            "title": scenario.title, "scenario": scenario.text,
+            "scenario_file": scenario.path.name,
+            "sweep": json.dumps(dict(plan.table), default=str),
+            "identity": dict(plan.identity), "sizes": dict(plan.sizes), "labels": labels,
+            "versions": versions(),
+        }  # fmt: skip
 
     def _values(self) -> list[Column]:
         """Columns of the cases' values on the axes, and `OUTCOME_COLUMNS`."""

@@ -26,8 +26,7 @@ from jointplay.scenario.reading import Key, dotted, merge
 from jointplay.simulation.analysis.uncertainty import Until, read_until
 from jointplay.study.axes import GROWING, METHODS, Axis, points, read
 from jointplay.study.keys import set_key
-from jointplay.study.outcome import Index
-from jointplay.study.store import MOST_CASES
+from jointplay.study.store import MOST_CASES, Index
 
 SAMPLE, REPEAT = "sample", "repeat"
 """Names of the dimensions of samples from distributions, and of repeated runs."""
@@ -131,12 +130,9 @@ class SweepPlan:
     def values(self, index: Index) -> dict[str, Any]:
         """Coordinates of a case, by name."""
         position = dict(zip(self.sizes, index, strict=True))
-        coordinates = {axis.name: axis.coordinate[position[axis.name]].item() for axis in self.axes}
-        coordinates |= {
-            axis.name: float(self.drawn_values[position[SAMPLE], k])
-            for k, axis in enumerate(self.drawn)
-        }
-        return coordinates | ({REPEAT: position[REPEAT]} if self.repeats > 1 else {})
+        coordinates = self.coordinates.items()
+        values = {name: x[position[along]].item() for name, (along, x, _) in coordinates}
+        return values | ({REPEAT: position[REPEAT]} if self.repeats > 1 else {})
 
     def with_samples(self, samples: int) -> SweepPlan:
         """The sweep with more samples, of which the first remain the same."""
@@ -152,7 +148,7 @@ class SweepPlan:
                 names |= dict.fromkeys(str(name) for name in change.get("joints", {}))
         return list(names)
 
-    @property
+    @cached_property
     def coordinates(self) -> dict[str, tuple[str, np.ndarray, dict[str, str]]]:
         """By name: the dimension, the values along it, and their unit and meaning."""
         values = [(axis, axis.name, axis.coordinate) for axis in self.axes]
@@ -168,25 +164,14 @@ class SweepPlan:
             by_name[REPEAT] = REPEAT, seeds, {"units": "", "long_name": text}
         return by_name
 
-    @property
-    def attributes(self) -> dict[str, Any]:
-        """Description of the sweep, for readers of its store."""
-        return {
-            "case": self.case,
-            "sampling": self.sampling,
-            "sampled": [axis.name for axis in self.drawn],
-            "inputs": self.inputs,
-            "title": self.scenario.title,
-            "scenario": self.scenario.text,
-            "scenario_file": self.scenario.path.name,
-            "sweep": json.dumps(dict(self.table), default=str),
-        }
-
     def meaning(self, measure: str) -> tuple[str, str, str]:
         """Unit, meaning and origin of a measure."""
-        from jointplay.study.measures import USER, unit_and_meaning
+        from jointplay.study.measures import NUMERICAL_ERROR, USER, shipped
 
-        known = unit_and_meaning(measure, self.joints)
+        if measure.startswith(NUMERICAL_ERROR):
+            figure = measure.removeprefix(NUMERICAL_ERROR).replace("_", " ")
+            return "", f"numerical error of the {figure}, from refined runs", ""
+        known = shipped(self.joints).get(measure)
         return (*known, "") if known else ("", measure.replace("_", " "), USER)
 
     def grown(self, identity: Mapping[str, str], sizes: Sequence[str]) -> set[str]:
@@ -413,7 +398,6 @@ def _check_keys(plan: SweepPlan) -> None:
     """Raise a JointplayError if two axes set the same key, or one a part of the other's."""
     paths: dict[Key, str] = {}
     for axis in (*plan.axes, *plan.drawn):
-        keys = axis.keys or tuple({(str(k),) for change in axis.values for k in change})
         for key in axis.keys:
             for earlier, name in paths.items():
                 size = min(len(key), len(earlier))
@@ -422,7 +406,7 @@ def _check_keys(plan: SweepPlan) -> None:
                         f"axes {toml_text(name)} and {toml_text(axis.name)} contradict each other: "
                         f"both set {dotted(min(key, earlier, key=len))}"
                     )
-        paths |= dict.fromkeys(keys if axis.keys else (), axis.name)
+        paths |= dict.fromkeys(axis.keys, axis.name)
     seed: Key = ("integration", "seed")
     if plan.repeats > 1 and seed in paths:
         name = toml_text(paths[seed])

@@ -31,7 +31,7 @@ from jointplay.simulation.analysis.uncertainty import (
     sobol_indices,
 )
 from jointplay.study.measures import BEARING, USER
-from jointplay.study.outcome import FAILED, NOT_RUN
+from jointplay.study.store import FAILED, NOT_RUN
 from jointplay.study.sweep_plan import REPEAT, SAMPLE
 
 HEADLINE = (

@@ -28,8 +28,7 @@ from jointplay.study.axes import Axis
 from jointplay.study.case import Bench, Case, job, run_case
 from jointplay.study.database import FILE, is_there
 from jointplay.study.measures import shipped
-from jointplay.study.outcome import FAILED, Index, Outcome
-from jointplay.study.store import Sweep, SweepStore, open_sweep
+from jointplay.study.store import FAILED, Index, Outcome, Sweep, SweepStore, open_sweep
 from jointplay.study.study import Study, Workers
 from jointplay.study.sweep_plan import REPEAT, SAMPLE, Cases, SweepPlan, plan_of
 

@@ -74,7 +74,7 @@ def test_the_bound_of_the_journal_is_reached_but_for_the_second_order():
     ):
         points = np.array([feasible(joint, random, way) for _ in range(60)])
         reached = (points @ push).max()
-        assert reached > 0.93 * found.support(np.array(push)).value[0]
+        assert reached > 0.93 * found.support(np.array([push])).value[0]
     assert found.excess < 0.005
 
 
@@ -168,9 +168,9 @@ def test_no_pose_of_a_slider_without_penetration_is_beyond_its_support_function(
 
 def test_a_slider_trades_yaw_for_room_across():
     one = BlockPlay((1e-4, 1e-4), (0.02, 0.02, 0.04), (True, True, True))
-    assert one.support(np.array([0, 0, 0, 0, 0, 1.0])).value[0] == pytest.approx(1e-4 / 0.02)
-    assert one.support(np.array([1.0, 0, 0, 0, 0, 0])).value[0] == pytest.approx(1e-4)
-    assert one.support(np.array([0, 0, 0, 0, 1.0, 0])).value[0] == pytest.approx(1e-4 / 0.04)
+    assert one.support(np.array([[0, 0, 0, 0, 0, 1.0]])).value[0] == pytest.approx(1e-4 / 0.02)
+    assert one.support(np.array([[1.0, 0, 0, 0, 0, 0]])).value[0] == pytest.approx(1e-4)
+    assert one.support(np.array([[0, 0, 0, 0, 1.0, 0]])).value[0] == pytest.approx(1e-4 / 0.04)
 
 
 def test_a_worn_bore_is_as_wide_as_its_deepest_place():

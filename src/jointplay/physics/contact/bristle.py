@@ -1,13 +1,13 @@
-"""Friction with bristles: the surfaces hold each other by something that bends before it slides.
+"""Bristle models of friction: surfaces hold each other by bristles that bend before they slide.
 
-The bristles' deflection z is a vector in the plane of contact that lives as long as the contact:
+The bristles' deflection z is a vector in the tangent plane that lasts as long as the contact:
 
-    dz/dt = A v - r z,    F_t = -(k z + d dz/dt + c v), but no longer than a cap
+    dz/dt = A v - r z,    F_t = -(k z + d dz/dt + c v), of magnitude up to a cap
 
-with the sliding velocity v and numbers A, r, k, d, c, cap that the law gives. z is advanced from
-the middle of one time step to that of the next exactly for constant v, that of the state between
-them (`kernel.contact`): second order, and stiff bristles need no smaller step. It is turned into
-the plane of contact as that turns, and is zero when the contact begins.
+with the sliding velocity v and coefficients A, r, k, d, c, cap that the law gives. z is advanced
+from the middle of one time step to that of the next, exactly for a constant v, that of the state
+between them (`kernel.contact`): second order, and stiff bristles need no smaller step. It follows
+the tangent plane as that turns, and is zero when the contact begins.
 """
 
 from __future__ import annotations
@@ -23,24 +23,24 @@ from jointplay.physics.contact.machine_code import MAX_PARAMETERS, compiled_law
 
 
 class Bristles(NamedTuple):
-    """What a law with bristles tells of a state; compiled functions return one."""
+    """Coefficients of a bristle law at a state; compiled functions return one."""
 
     bending: float
-    """A: part of the sliding that bends the bristles."""
+    """A, part of the sliding that bends the bristles."""
     release: float
-    """r: rate at which they let go [1/s]."""
+    """r, rate at which they let go [1/s]."""
     stiffness: float
-    """k [N/m]."""
+    """k, stiffness of the bristles [N/m]."""
     damping: float
-    """d, of the bristles [N s/m]."""
+    """d, damping of the bristles [N s/m]."""
     viscous: float
     """c, viscous friction [N s/m]."""
     cap: float
-    """Largest force [N], or infinity."""
+    """Largest force of the bristles [N], or infinity."""
     dwell_target: float
-    """What the dwell tends to."""
+    """Value that the dwell tends to."""
     dwell_rate: float
-    """How fast [1/s]."""
+    """Rate at which the dwell approaches it [1/s]."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class BristleLaw(FrictionLaw):
     bristles: ClassVar[bool] = True
 
     def stiffness(self, normal: float) -> tuple[float, float]:
-        """k [N/m] and d + c [N s/m] at rest under the normal force `normal` [N]."""
+        """Stiffness k [N/m] and damping d + c [N s/m] at rest under a normal force [N]."""
         out = (ctypes.c_double * BRISTLE_NUMBERS)()
         parameters = (ctypes.c_double * MAX_PARAMETERS)(*self.parameters())
         compiled_law(self).ctypes(0.0, normal, 0.0, parameters, out)
@@ -66,7 +66,7 @@ class BristleLaw(FrictionLaw):
 
 @dataclass(frozen=True)
 class StribeckBristles(BristleLaw):
-    """What laws have in common whose bristles let go at a coefficient that falls with the speed."""
+    """Base of bristle laws whose friction coefficient falls with speed from static to dynamic."""
 
     mu_d: Quantity = quantity("", default=0.1, above=0.0)
     """Dynamic friction coefficient."""
@@ -77,7 +77,7 @@ class StribeckBristles(BristleLaw):
     sigma0: Quantity = quantity("1/m", default=1e5, above=0.0)
     """Stiffness of the bristles per normal force [1/m]."""
     sigma1: Quantity = quantity("s/m", default=10.0, least=0.0)
-    """Their damping per normal force [s/m]."""
+    """Damping of the bristles per normal force [s/m]."""
     sigma2: Quantity = quantity("s/m", default=0.0, least=0.0)
     """Viscous friction per normal force [s/m]."""
 
@@ -125,13 +125,13 @@ class LuGre(StribeckBristles):
     the plane of contact.
 
     Passive, at a constant normal force, if sigma2 >= sigma1 (mu_s - mu_d)/mu_d (`passive`): with
-    the bristles' energy sigma0 z^2/2 and w = sigma0 z the power that is lost,
+    the bristles' energy sigma0 z^2/2 and w = sigma0 z the power dissipated,
 
         (sigma1 + sigma2) v^2 - sigma1 v^2 w/g + w^2 v/g,
 
     is not negative, for w <= mu_s and g >= mu_d. (N. Barabanov, R. Ortega, IEEE Trans. Automatic
     Control 45 (2000) 830-832, show that it is necessary as well, by its title; not seen.) The
-    defaults are not passive: at speeds far above v_s their bristles can feed energy while they let
+    defaults are not passive: at speeds far above v_s the bristles can supply energy while they let
     go.
     """
 
@@ -183,7 +183,7 @@ class LuGre(StribeckBristles):
 
 @dataclass(frozen=True)
 class GonthierFriction(StribeckBristles):
-    """Bristles that stick, slip, and stick the better the longer they have rested.
+    """Bristles that stick, slip, and stick more strongly the longer they have been at rest.
 
     With s = exp(-(v/v_s)^2), 1 when sticking and 0 when sliding, and the dwell s_d:
 

@@ -1,7 +1,7 @@
-"""Calls by address of compiled laws, for compiled code (`machine_code` has the laws).
+"""Calls of laws by address, for compiled code (`machine_code` compiles the laws).
 
-Each takes the address, and in a tuple what the law does: its state, a pointer to its parameters,
-and where it has several answers a pointer to them.
+Each takes the address, and a tuple of the law's arguments: its state, a pointer to its parameters
+and, where it has several results, a pointer to these.
 """
 
 from __future__ import annotations
@@ -17,4 +17,4 @@ call_friction = calling(law_signature(FrictionLaw.state, FrictionLaw.answers))
 call_bristle = calling(law_signature(BristleLaw.state, BristleLaw.answers))
 call_film = calling(law_signature(FilmLaw.state, FilmLaw.answers))
 call_elements = calling("v(p,p,p,i)")
-"""Of `rolling.find_element_forces`."""
+"""Call of a law of a whole joint, such as `rolling.find_element_forces`."""

@@ -1,4 +1,4 @@
-"""Laws of the user's own: any function with the arguments of a law.
+"""User-defined laws: any function with the arguments of a law.
 
     def force(delta, ddelta, ddelta0, stiffness, alpha):
         return stiffness * delta**1.5 * (1.0 + alpha * ddelta)
@@ -7,8 +7,8 @@
 
 A function at module level of an importable file is named by results and scenarios as
 ``module:function``, and found again in other processes. One typed in a script or a notebook works
-as well: its text travels with the result, where it is shown and never run; without the law at hand
-a result can be plotted, played and reported, and a rerun says what is missing.
+as well: its text is kept in the result, where it is shown and never run. Without the function a
+result can be plotted, played and reported; only a rerun needs it, and says so.
 """
 
 from __future__ import annotations
@@ -33,12 +33,12 @@ from jointplay.physics.contact.machine_code import (
 Parameters = Sequence[float] | Mapping[str, float]
 """Parameters of a law in the order of its arguments, or by name."""
 _DEPTHS, _SPEEDS = (1e-7, 1e-5), (1e-3, 1.0, 3.0)
-"""Depths [m] and approach speeds [m/s] at which a law's elastic force is looked at."""
+"""Depths [m] and approach speeds [m/s] at which a law's elastic force is checked."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class FilmDescription(FunctionDescription):
-    """How files describe a user's film law; see docs/bearings.md."""
+    """Description, in files, of a user's film law; see docs/bearings.md."""
 
     viscosity: Quantity = quantity("Pa*s", default=1.0)
     """Dynamic viscosity."""
@@ -52,7 +52,7 @@ class FilmDescription(FunctionDescription):
 
 @dataclass(frozen=True, init=False, repr=False, kw_only=True)
 class Custom(OfFunction, Law):
-    """What the user's own laws of all kinds have in common."""
+    """Base of user-defined laws of all kinds."""
 
     written = FunctionDescription
 
@@ -62,13 +62,13 @@ class Custom(OfFunction, Law):
     function: Callable[..., Any]  # type: ignore[misc]
     """The law: a function of the arguments of its kind."""
     values: tuple[float, ...]
-    """Its parameters, in the order of its arguments."""
+    """Parameters of the function, in the order of its arguments."""
 
     def __init__(self, function: Callable[..., Any], parameters: Parameters = ()) -> None:
         self._keep(function, parameters)
 
     def _keep(self, function: Callable[..., Any], parameters: Parameters, before: int = 0) -> None:
-        """Keep function and parameters, of which the joint gives the first `before`."""
+        """Keep function and parameters; the first `before` arguments come from the joint."""
         self._keep_function(function)
         values = _in_order(self.function, self.state, parameters, before)
         check_parameters((0.0,) * before + values, self.function.__name__)
@@ -78,7 +78,7 @@ class Custom(OfFunction, Law):
         check_signature(function, self.state, bool(self.answers))
 
     def parameters(self, *joint: Any) -> tuple[float, ...]:
-        """Return the user's own numbers; properties of the joint do not enter."""
+        """Return the user's parameters; properties of the joint do not enter."""
         return self.values
 
     def _further_arguments(self) -> dict[str, Any]:
@@ -99,12 +99,12 @@ class Custom(OfFunction, Law):
 
 @dataclass(frozen=True, init=False, repr=False)
 class CustomNormalForce(Custom, NormalForceLaw):
-    """A user's own normal-force law.
+    """A user-defined normal-force law.
 
     Args:
         function: ``f(delta, ddelta, ddelta0, ...)`` returning F_n [N].
-        parameters: what it takes besides, at most `MAX_PARAMETERS` numbers, in order or by name;
-            an argument called ``p`` takes all of them.
+        parameters: its further arguments, at most `MAX_PARAMETERS` numbers, in order or by name; an
+            argument called ``p`` takes all of them.
 
     Raises:
         JointplayError: the function takes other arguments, a parameter is missing or not finite,
@@ -147,7 +147,7 @@ class CustomNormalForce(Custom, NormalForceLaw):
 
 @dataclass(frozen=True, init=False, repr=False)
 class CustomFriction(Custom, FrictionLaw):
-    """A user's own law ``f(speed, ...)`` of the friction coefficient; see `CustomNormalForce`."""
+    """A user-defined law ``f(speed, ...)`` of the friction coefficient; see `CustomNormalForce`."""
 
     name = "custom"
     formula = r"\mu = f(|v_t|)"
@@ -155,7 +155,7 @@ class CustomFriction(Custom, FrictionLaw):
 
 @dataclass(frozen=True, init=False, repr=False)
 class CustomBristle(Custom, BristleLaw):
-    """A user's own friction law ``f(speed, normal, dwell, ...)`` with bristles.
+    """A user-defined friction law ``f(speed, normal, dwell, ...)`` with bristles.
 
     Args:
         function: returns `bristle.Bristles`, or any tuple of its eight numbers; one that takes
@@ -175,7 +175,7 @@ class CustomBristle(Custom, BristleLaw):
 
 @dataclass(frozen=True, init=False, repr=False)
 class CustomFilm(Custom, FilmLaw):
-    """A user's own film law ``f(eccentricity, rate, whirl, spin, ...)``.
+    """A user-defined film law ``f(eccentricity, rate, whirl, spin, ...)``.
 
     Args:
         function: takes the joint's clearance c, radius R and length L, the viscosity, and then its
@@ -184,7 +184,8 @@ class CustomFilm(Custom, FilmLaw):
         parameters: its own, at most 4; see `CustomNormalForce`.
         viscosity, hybrid, transition, least_thickness: see `FilmLaw`.
 
-    The film of a tilted journal is taken where a pressure constant along the axis wants it.
+    The film of a tilted journal is evaluated at the sections for a pressure constant along the
+    axis.
 
     Raises:
         JointplayError: the function takes other arguments, or a parameter is missing or not finite.
@@ -216,7 +217,7 @@ class CustomFilm(Custom, FilmLaw):
 def _in_order(
     function: Any, state: tuple[str, ...], parameters: Parameters, before: int
 ) -> tuple[float, ...]:
-    """The parameters in the order of the function's arguments, after the `before` first ones."""
+    """Put the parameters in the order of the function's arguments, the first `before` left out."""
     name = function.__name__
     names = None if isinstance(function, Absent) else parameter_names(function, state)
     if names is not None:

@@ -1,20 +1,20 @@
-"""Elastic joints: what a body does to another that it holds by springs, alone or with a bearing.
+"""Elastic joints: springs that hold a body, alone or in series with a rolling bearing.
 
-With xi = (p_x, p_y, p_z, a_x, a_y), the displacement of the journal's centre and the part of its
-axis across the bearing's, the joint stores
+With xi = (p_x, p_y, p_z, a_x, a_y), the displacement of the journal's centre and the components of
+its axis across the bearing's, the joint stores
 
     U = xi . K xi / 2 + sum of the curves' energies
 
-and answers with its gradient, like the elements of a rolling bearing (`rolling`), with the same
-numbers ahead and in the same places. A bearing in a seat that gives way is both in series: the
-outer ring is displaced by the u that makes U_seat(u) + U_elements(xi - u) least, the ring having no
-mass of its own.
+and its wrench is minus the gradient, as for the elements of a rolling bearing (`rolling`), with
+parameters and results at the same indices. In a bearing with an elastic seat both are in series:
+the outer ring, which has no mass of its own, takes the displacement u that minimises
+U_seat(u) + U_elements(xi - u).
 
 A slider on springs has xi = (p_x, p_y, a_x, a_y, c) instead, where c = (R_yx - R_xy) / 2 is its
-turn about the direction of sliding.
+rotation about the direction of sliding.
 
 A mount that holds its body in every direction has xi = (p, c), where c = vee(R - R^T) / 2 is the
-sine of the angle along the axis of the turn, and changes with the angular velocity w by
+axis of rotation times the sine of the angle; at the angular velocity w it changes by
 (tr(R) I - R) w / 2.
 """
 
@@ -57,19 +57,20 @@ from jointplay.physics.contact.rolling import (
 )
 
 _MOST_STEPS, _BALANCED, _LEAST_PART = 60, 1e-12, 1e-6
-"""Of the search for the outer ring's place, judged: most steps, force left over by that borne, and
-smallest part of a step."""
+"""Newton's method for the outer ring's displacement (judged): most steps, residual force relative
+to the load, smallest part of a step."""
 _LEVER = 30.0
-"""Angles count by a lever of a thirtieth of a metre, about a bearing's radius [1/m]."""
+"""Factor that turns moments into forces, by a lever arm of a thirtieth of a metre, about a
+bearing's radius [1/m]."""
 _ALL = 6
-"""Directions of a body."""
+"""Directions in which a body can move."""
 
 _elements, _curvature = compiled(find_element_forces), compiled(find_element_curvature)
 
 
 @compiled
-def _on_curve(d, at, x):
-    """Force, its slope and the energy of a curve at a displacement."""
+def _curve_force(d, at, x):
+    """Force, stiffness and energy of a force-displacement curve at a displacement."""
     count = int(d[at])
     size, last, force, energy, slope = abs(x), 0.0, 0.0, 0.0, 0.0
     for k in range(count):
@@ -88,8 +89,8 @@ def _on_curve(d, at, x):
 
 
 @compiled
-def _springs(d, at, n, xi, push, bend):
-    """Gradient (n), curvature (n n) of the energy of springs in n directions; returns it."""
+def _spring_energy(d, at, n, xi, push, bend):
+    """Energy of springs in n directions; its gradient (n) and Hessian (n n) into push and bend."""
     energy = 0.0
     for i in range(n):
         push[i] = 0.0
@@ -98,7 +99,7 @@ def _springs(d, at, n, xi, push, bend):
             push[i] += d[at + n * i + j] * xi[j]
         energy += 0.5 * push[i] * xi[i]
     for i in range(n):
-        force, slope, stored = _on_curve(d, at + n * n + CURVE * i, xi[i])
+        force, slope, stored = _curve_force(d, at + n * n + CURVE * i, xi[i])
         push[i] += force
         bend[n * i + i] += slope
         energy += stored
@@ -106,11 +107,11 @@ def _springs(d, at, n, xi, push, bend):
 
 
 @compiled
-def _answer(push, bend, lengths, rates, out, slopes):
-    """Write wrench and stiffness in terms of a twist, from those in terms of xi.
+def _transform(push, bend, lengths, rates, out, slopes):
+    """Transform gradient and Hessian by xi into wrench and stiffness by a twist, into `out`.
 
-    The first `lengths` of xi are coordinates of the centre; `rates` (n - lengths, 3) are those of
-    the others by an angular velocity.
+    The first `lengths` components of xi are coordinates of the centre; `rates` (n - lengths, 3) are
+    the rates of the others per angular velocity.
     """
     n = push.size
     for i in range(3):
@@ -137,21 +138,21 @@ def _answer(push, bend, lengths, rates, out, slopes):
 
 
 @compiled
-def _lean_rates(pose, rates):
-    """Rates of the axis' parts a_x, a_y across the bearing's: the first two rows."""
+def _tilt_rates(pose, rates):
+    """Write the rates of a_x, a_y per angular velocity, the first two rows of `rates`."""
     ax, ay, az = pose[5], pose[8], pose[11]
     rates[0, 1], rates[0, 2], rates[1, 0], rates[1, 2] = az, -ay, -az, ax
 
 
 @compiled
-def _spring(d, xi, lengths, rates, out, mode):
-    """Answer of springs alone, displaced by xi; `lengths` and `rates` as of `_answer`."""
+def _evaluate_springs(d, xi, lengths, rates, out, mode):
+    """Evaluate springs alone, displaced by xi; `lengths` and `rates` as in `_transform`."""
     n = xi.size
     push, bend = np.zeros(n), np.zeros(n * n)
     for i in range(ANSWERS if mode != FORCES else TANGENT):
         out[i] = 0.0
-    energy = _springs(d, TABLE, n, xi, push, bend)
-    _answer(push, bend, lengths, rates, out, mode != FORCES)
+    energy = _spring_energy(d, TABLE, n, xi, push, bend)
+    _transform(push, bend, lengths, rates, out, mode != FORCES)
     size = deepest = 0.0
     for k in range(lengths):
         size += push[k] * push[k]
@@ -162,26 +163,26 @@ def _spring(d, xi, lengths, rates, out, mode):
 
 
 def find_spring_forces(d, pose, out, mode):
-    """What springs alone do to the journal; as `rolling.find_element_forces`."""
+    """Find wrench and stiffness of springs on the journal; as `rolling.find_element_forces`."""
     xi, rates = np.zeros(WAYS), np.zeros((2, 3))
     xi[0], xi[1], xi[2], xi[3], xi[4] = pose[0], pose[1], pose[2], pose[5], pose[8]
-    _lean_rates(pose, rates)
-    _spring(d, xi, 3, rates, out, mode)
+    _tilt_rates(pose, rates)
+    _evaluate_springs(d, xi, 3, rates, out, mode)
 
 
 def find_guide_forces(d, pose, out, mode):
-    """What springs that let a slider move do to it; as `rolling.find_element_forces`."""
+    """Find wrench and stiffness of springs on a slider; as `rolling.find_element_forces`."""
     xi, rates = np.zeros(WAYS), np.zeros((3, 3))
     xi[0], xi[1], xi[2], xi[3] = pose[0], pose[1], pose[5], pose[8]
     xi[4] = 0.5 * (pose[6] - pose[4])
-    _lean_rates(pose, rates)
+    _tilt_rates(pose, rates)
     rates[2, 0], rates[2, 1] = -0.5 * pose[9], -0.5 * pose[10]
     rates[2, 2] = 0.5 * (pose[3] + pose[7])
-    _spring(d, xi, 2, rates, out, mode)
+    _evaluate_springs(d, xi, 2, rates, out, mode)
 
 
 def find_mount_forces(d, pose, out, mode):
-    """What springs in all six directions do to what they hold; as `rolling.find_element_forces`."""
+    """Find wrench and stiffness of a mount on its body; as `rolling.find_element_forces`."""
     xi, rates = np.zeros(_ALL), np.zeros((3, 3))
     trace = pose[3] + pose[7] + pose[11]
     for i in range(3):
@@ -191,14 +192,14 @@ def find_mount_forces(d, pose, out, mode):
         for j in range(3):
             rates[i, j] = -0.5 * pose[3 + 3 * i + j]
         rates[i, i] += 0.5 * trace
-    _spring(d, xi, 3, rates, out, mode)
+    _evaluate_springs(d, xi, 3, rates, out, mode)
 
 
 def find_seated_forces(d, pose, out, mode):
-    """What a bearing in a seat that gives way does to its inner ring.
+    """Find wrench and stiffness of a bearing in an elastic seat on its inner ring.
 
     As `rolling.find_element_forces`; `out` has `SEAT_ANSWERS` numbers, the last of which are the
-    outer ring's displacement, from which the search begins.
+    outer ring's displacement u, from which the search for the next begins.
     """
     at = TABLE + 2 * int(d[COUNT])
     seat, soft = np.zeros(WAYS), np.zeros(WAYS * WAYS)
@@ -207,6 +208,7 @@ def find_seated_forces(d, pose, out, mode):
     u, last, relative = np.zeros(WAYS), np.zeros(WAYS), np.zeros(12)
     for i in range(WAYS):
         u[i] = out[SEAT + i]
+    # Newton's method for u: balance the seat's force with the elements', which act on `relative`.
     part_taken, lowest = 1.0, np.inf
     energy, error = 0.0, np.inf
     for _ in range(_MOST_STEPS):
@@ -218,7 +220,7 @@ def find_seated_forces(d, pose, out, mode):
         relative[8] -= u[4]
         _elements(d, relative, out, FORCES)
         _curvature(d, relative, bend)
-        stored = _springs(d, at, WAYS, u, seat, soft)
+        stored = _spring_energy(d, at, WAYS, u, seat, soft)
         energy = stored + out[ENERGY]
         push[0], push[1], push[2] = -out[0], -out[1], -out[2]
         push[3], push[4] = -out[4] / relative[11], out[3] / relative[11]
@@ -228,6 +230,7 @@ def find_seated_forces(d, pose, out, mode):
             left = max(left, abs(seat[i] - push[i]) * unit)
             size = max(size, abs(seat[i]) * unit, abs(push[i]) * unit)
         if energy > lowest + 1e-13 * abs(lowest) and part_taken > _LEAST_PART and left > error:
+            # Neither energy nor residual fell: take half of the step.
             part_taken *= 0.5
             for i in range(WAYS):
                 u[i] = last[i] + part_taken * step[i]
@@ -247,11 +250,11 @@ def find_seated_forces(d, pose, out, mode):
         out[SEAT + i] = u[i]
     out[ENERGY] = energy
     rates = np.zeros((2, 3))
-    _lean_rates(pose, rates)
-    _answer(seat, soft, 3, rates, out, False)
+    _tilt_rates(pose, rates)
+    _transform(seat, soft, 3, rates, out, False)
     if mode == FORCES:
         return
-    # Both in series: K - K (K + H)^-1 K.
+    # Stiffness of both in series: K - K (K + H)^-1 K, K of the seat and H of the elements.
     series, columns = np.zeros(WAYS * WAYS), np.zeros(WAYS * WAYS)
     for i in range(WAYS * WAYS):
         matrix[i] = soft[i] + bend[i]
@@ -262,7 +265,7 @@ def find_seated_forces(d, pose, out, mode):
             series[WAYS * i + j] = soft[WAYS * i + j]
             for k in range(WAYS):
                 series[WAYS * i + j] -= soft[WAYS * i + k] * columns[WAYS * k + j]
-    _answer(seat, series, 3, rates, out, True)
+    _transform(seat, series, 3, rates, out, True)
 
 
 _springs_alone, _seated = compiled(find_spring_forces), compiled(find_seated_forces)
@@ -272,12 +275,12 @@ FUNCTIONS = (
     *(find_element_forces, find_seated_forces, find_spring_forces, find_guide_forces),
     find_mount_forces,
 )
-"""By law."""
+"""Functions of the laws `ELEMENTS`, `SEATED`, `SPRINGS`, `GUIDE` and `MOUNT`."""
 
 
 @compiled
-def forces_at(law, numbers, poses, cage, out):
-    """Answers of a law at many poses."""
+def _evaluate_at_poses(law, numbers, poses, cage, out):
+    """Evaluate a law at many poses into `out`."""
     joint = numbers.copy()
     for i in range(poses.shape[0]):
         joint[CAGE] = cage[i]
@@ -296,21 +299,23 @@ def forces_at(law, numbers, poses, cage, out):
 def answers(
     law: int, numbers: Sequence[float], poses: np.ndarray, cage: np.ndarray | float = 0.0
 ) -> np.ndarray:
-    """What a law answers at many poses, all exact: (n, `SEAT_ANSWERS`).
+    """Evaluate a law at many poses; results of `rolling.find_element_forces`, (n, `SEAT_ANSWERS`).
 
-    See `rolling.find_element_forces`. The law is `ELEMENTS`, `SEATED`, `SPRINGS`, `GUIDE` or
-    `MOUNT` with the numbers of the joint; `poses` (n, 12) of the journal in its bearing: centre
-    [m], orientation row by row; `cage` (n,): azimuth of the first element [rad].
+    Args:
+        law: `ELEMENTS`, `SEATED`, `SPRINGS`, `GUIDE` or `MOUNT`.
+        numbers: its parameters.
+        poses: the journal in its bearing, centre [m] and orientation row by row, shape (n, 12).
+        cage: azimuth of the first element, shape (n,) [rad].
     """
     out = np.zeros((len(poses), SEAT_ANSWERS))
     turns = np.broadcast_to(np.asarray(cage, float), len(poses)).copy()
-    forces_at(law, np.array(numbers), np.ascontiguousarray(poses), turns, out)
+    _evaluate_at_poses(law, np.array(numbers), np.ascontiguousarray(poses), turns, out)
     return out
 
 
 @cache
 def address(law: int) -> int:
-    """Machine address of a law, for the time loop."""
+    """Machine address of a law's compiled function, for the time loop."""
     from jointplay.physics.contact.machine_code import compiled_function  # the time loop's alone
 
     return compiled_function(FUNCTIONS[law], "v(p,p,p,i)").address

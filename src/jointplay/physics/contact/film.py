@@ -1,4 +1,4 @@
-"""Lubricating films: what the oil between journal and bore does to the journal.
+"""Lubricating films: hydrodynamic force of the oil between journal and bore.
 
 A film law is a Python function
 
@@ -7,13 +7,13 @@ A film law is a Python function
 of the eccentricity ratio e/c in [0, 1), its rate [1/s], the whirl v_t/c of the journal's centre
 [1/s], v_t being its speed across the line of centres, and the journal's spin [rad/s], all relative
 to the bearing; of c, R, L [m] and the viscosity [Pa s]; and of the law's own parameters. It returns
-`FilmForce`, for the whole film of a journal that does not tilt. Of a tilted one the film is taken
-at two sections, each half of it, so placed that pressures of the law's axial shape give the exact
-moment to first order in the tilt (Gauss points).
+`FilmForce`, for the whole film of a journal that does not tilt. The film of a tilted journal is
+evaluated at two sections, each half of it, placed such that pressures of the law's axial shape give
+the exact moment to first order in the tilt (Gauss points).
 
-The film of a nearly touching journal is a damper far too stiff for an explicit step. The kernel
-therefore lets the force follow the law with a lag that is nothing where the step resolves the
-film, and else just long enough to be stable (docs/theory.md).
+The film of a nearly touching journal is a damper far too stiff for an explicit step. In explicit
+methods the kernel therefore lets the force follow the law with a lag, which is nothing where the
+step resolves the film and else just long enough to be stable (docs/bearings.md).
 """
 
 from __future__ import annotations
@@ -29,29 +29,29 @@ from jointplay.physics.contact.law import FILM_NUMBERS, Law
 
 
 class FilmForce(NamedTuple):
-    """What a film does to the journal; compiled functions return one."""
+    """Force and moment of a film on the journal; compiled functions return one."""
 
     radial: float
-    """F_r, force on the journal along the line of centres, outwards [N]."""
+    """F_r, force along the line of centres, outwards [N]."""
     tangential: float
-    """F_t, across it, a quarter turn ahead [N]."""
+    """F_t, force across it, a quarter turn ahead [N]."""
     moment: float
-    """T, on the journal about its centre [N m]."""
+    """T, moment about the journal's centre [N m]."""
     damping: float
-    """C, largest slope of the force with the centre's velocity [N s/m]."""
+    """C, largest derivative of the force by the centre's velocity [N s/m]."""
 
 
 class FilmProperties(NamedTuple):
-    """What the joint tells a film law."""
+    """Properties of a joint that its film law depends on."""
 
     clearance: float
-    """c [m]."""
+    """Radial clearance c [m]."""
     radius: float
-    """R [m]."""
+    """Radius R [m]."""
     length: float
-    """L [m]."""
+    """Length L [m]."""
     contacts: int
-    """Dry contacts, from the joint's first, that lie where the film is."""
+    """Number of dry contacts, from the joint's first, in the film's region."""
 
     @property
     def tilts(self) -> bool:
@@ -67,10 +67,10 @@ class FilmLaw(Law):
     answers = FILM_NUMBERS
 
     section: ClassVar[float]
-    """Distance of the two sections from the middle, over the length."""
+    """Distance of the two sections from the middle, relative to the length."""
 
     slenderness: ClassVar[tuple[float, float]] = (0.0, math.inf)
-    """Length over diameter, the range that the law is good for."""
+    """Range of length over diameter for which the law is valid."""
 
     viscosity: Quantity = quantity("Pa*s", above=0.0)
     """Dynamic viscosity of the lubricant [Pa s]."""
@@ -89,7 +89,7 @@ class FilmLaw(Law):
         return film.clearance, film.radius, film.length, self.viscosity
 
     def warnings(self, film: FilmProperties, *, thinnest: float) -> list[str]:
-        """In what a run with a gap of `thinnest` [m] left the range of validity, a line each."""
+        """Limits of validity that a run with a gap of `thinnest` [m] exceeded, a line each."""
         lines = []
         slenderness = film.length / (2.0 * film.radius)
         low, high = self.slenderness
@@ -107,7 +107,7 @@ class FilmLaw(Law):
         return lines
 
     def thickest(self, clearance: float) -> float:
-        """Eccentricity ratio at which the film is at its thinnest.
+        """Eccentricity ratio at which the film has its least thickness.
 
         Raises:
             JointplayError: the clearance leaves no room for a film.
@@ -122,12 +122,12 @@ class FilmLaw(Law):
 
 
 CAVITATION = ("gumbel", "sommerfeld")
-"""Conditions at the edge of a film."""
+"""Boundary conditions of the pressure where the film would pull."""
 
 
 @dataclass(frozen=True)
 class ShortBearing(FilmLaw):
-    """Film of a short bearing, the pressure of Reynolds' equation without its flow around the bore.
+    """Film of a short bearing: Reynolds' equation without circumferential flow.
 
     F_r = K [(w e - 2 v_t/c) I_sc - 2 de/dt I_cc],  F_t = K [(w e - 2 v_t/c) I_ss - 2 de/dt I_sc],
 
@@ -146,7 +146,7 @@ class ShortBearing(FilmLaw):
     validity = "bearings up to about as long as half their diameter"
     slenderness = (0.0, 0.5)
     section = 1.0 / (2.0 * math.sqrt(5.0))
-    """Gauss points for the weight L^2/4 - z^2, the pressure's shape along the axis."""
+    """Gauss points for the weight L^2/4 - z^2, the axial shape of the pressure."""
 
     cavitation: str = choice("cavitation", CAVITATION, default=CAVITATION[0])
     """``gumbel`` lets only positive pressure act; ``sommerfeld`` lets the oil pull."""

@@ -1,8 +1,8 @@
-"""Functions of a user's own, of which laws and loads are made, and how files name them.
+"""User-defined functions behind laws and loads, and how files name them.
 
-A result names such a function as ``module:function``. It is looked up among those of which this
-process has made a law or load itself, and in modules that the user has had imported
-(`base.modules`): no file has jointplay run what it likes.
+A result names such a function as ``module:function``. It is looked up among the functions of which
+this process itself has made a law or load, and in modules that the user has had imported
+(`base.modules`): no file can make jointplay run arbitrary code.
 """
 
 from __future__ import annotations
@@ -24,22 +24,22 @@ from jointplay.base.schema import Described, quantity
 Function = Callable[..., Any]
 
 _known: dict[str, dict[str | None, Function]] = {}
-"""Functions of which this process has made a law, by ``module:function`` and by their text; the
-last one made comes last."""
+"""Functions of which this process has made a law, by ``module:function`` and then by source text;
+the last one made comes last."""
 
 _showing: ContextVar[bool] = ContextVar("showing", default=False)
 
 
 @dataclass(frozen=True)
 class Absent:
-    """A law's function that a result names and that is not at hand: to be shown, never run."""
+    """Placeholder for a law's function that is not available: it can be shown, never run."""
 
     path: str
     """``module:function``."""
     source: str | None
-    """Its text, if the result has it."""
+    """Source text of the function, if the result has it."""
     reason: str
-    """Why it is not at hand, and what would help."""
+    """Why it is not available, and what would help."""
 
     @property
     def __name__(self) -> str:
@@ -47,14 +47,14 @@ class Absent:
 
 
 def path_of(function: Function | Absent) -> str:
-    """``module:function``, by which files name a law."""
+    """Name ``module:function`` by which files refer to a law's function."""
     if isinstance(function, Absent):
         return function.path
     return f"{function.__module__}:{function.__qualname__}"
 
 
 def source_of(function: Function | Absent) -> str | None:
-    """Text of a law's function; None where Python does not know it."""
+    """Source text of a law's function; None where Python does not know it."""
     if isinstance(function, Absent):
         return function.source
     try:
@@ -65,7 +65,7 @@ def source_of(function: Function | Absent) -> str | None:
 
 @contextmanager
 def showing() -> Iterator[None]:
-    """Let laws whose functions are not at hand be made in the block, to be shown and not run."""
+    """Within the block, laws whose functions are not available can be made, to be shown only."""
     token = _showing.set(True)
     try:
         yield
@@ -74,14 +74,17 @@ def showing() -> Iterator[None]:
 
 
 def function_at(path: str, source: str | None = None, how: str = "") -> Function:
-    """The function that ``module:function`` names, if it is known or its module was imported.
+    """Look up the function that ``module:function`` names.
 
-    Of several known ones of that name the one with the text `source`, else the last that was made a
-    law. One that was typed in a script or a notebook may lie in any module that was imported, under
-    its name; `how` is how a law is made of it, for errors.
+    Of several functions of that name of which laws were made, the one with the text `source`, else
+    the last, is returned; failing these, the one in an imported module. A function typed in a
+    script or notebook may be found by its name in any module that was imported.
+
+    `how`: the expression that makes a law of it, for the error.
 
     Raises:
-        JointplayError: it is neither.
+        JointplayError: no law was made of it, and its module was not imported or has no such
+            function.
     """
     module, _, name = path.partition(":") if isinstance(path, str) else ("", "", "")
     if not all(part.isidentifier() for part in (*module.split("."), *name.split("."))):
@@ -110,7 +113,7 @@ def function_at(path: str, source: str | None = None, how: str = "") -> Function
 
 
 def _signature(name: str, source: str | None) -> str:
-    """A function as it is called, as far as its text says."""
+    """Signature of a function as far as its source text tells; else its name."""
     with suppress(SyntaxError, ValueError, RecursionError):
         for node in ast.walk(ast.parse(source or "")):
             if isinstance(node, ast.FunctionDef) and node.name == name:
@@ -118,12 +121,12 @@ def _signature(name: str, source: str | None) -> str:
     return name
 
 
-# Laws and loads that are made of such a function.
+# Laws and loads made of such a function.
 
 
 @dataclass(frozen=True, kw_only=True)
 class FunctionDescription:
-    """How files describe a law or load that is made of a user's function."""
+    """Description, in files, of a law or load made of a user's function."""
 
     function: str
     """``module:function``, of a module that ``--import MODULE`` names."""
@@ -134,12 +137,12 @@ class FunctionDescription:
 
 
 class OfFunction(Described):
-    """A law or load that is made of a user's function; a dataclass with the field `function`."""
+    """Base of laws and loads made of a user's function; a dataclass with the field `function`."""
 
     function: Any
 
     def _keep_function(self, function: Any) -> None:
-        """Keep a function, without numba's wrapping; refuse one that takes other arguments."""
+        """Check a function, unwrap numba's decorator, and register it for `function_at`."""
         function = getattr(function, "py_func", function)
         if not isinstance(function, Absent):
             if not callable(function):
@@ -153,17 +156,17 @@ class OfFunction(Described):
         object.__setattr__(self, "function", function)
 
     def _check_arguments(self, function: Function) -> None:
-        """Raise if the function takes other arguments than it should."""
+        """Raise if the function does not take the arguments of its kind."""
         raise NotImplementedError
 
     def _further_arguments(self) -> dict[str, Any]:
-        """What the constructor takes besides the function, by name."""
+        """Arguments of the constructor besides the function, by name."""
         names = [field.name for field in fields(self)]  # type: ignore[arg-type]
         return {name: getattr(self, name) for name in names if name != "function"}
 
     @property
     def source(self) -> str | None:
-        """Text of the function; None where Python does not know it."""
+        """Source text of the function; None where Python does not know it."""
         return source_of(self.function)
 
     def describe(self) -> dict[str, Any]:
@@ -172,11 +175,10 @@ class OfFunction(Described):
 
     @classmethod
     def from_fields(cls, fields: dict[str, Any]) -> Self:
-        """Build the law or load from what `describe` returned.
+        """Build the law or load from its description (`describe`).
 
         Raises:
-            JointplayError: see `function_at`; within `showing`, the law is then made to be shown,
-                not run.
+            JointplayError: see `function_at`; within `showing`, a law to be shown is made instead.
         """
         arguments = dict(fields)
         path, source = arguments.pop("function"), arguments.pop("source", None)
@@ -199,7 +201,7 @@ class OfFunction(Described):
         return cls(function=function, **arguments)  # type: ignore[call-arg]
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Go to another process by the function's name; refuse what it does not find, a lambda."""
+        """Pickle by the function's name; refuse one that is not found by it, such as a lambda."""
         function = self.function
         if not isinstance(function, Absent):
             path, importable = path_of(function), None
@@ -215,5 +217,5 @@ class OfFunction(Described):
 
 
 def _restored(kind: type[Any], path: str | Absent, arguments: dict[str, Any]) -> Any:
-    """Build a law or load again from the name of its function."""
+    """Unpickle a law or load from the name of its function."""
     return kind(function=path if isinstance(path, Absent) else named(path), **arguments)

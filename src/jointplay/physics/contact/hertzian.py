@@ -1,9 +1,9 @@
-"""Laws on the elastic part of Hertz, F = k delta^(3/2), most of them with hysteresis damping.
+"""Laws with Hertz's elastic part, F = k delta^(3/2), most of them with hysteresis damping.
 
-A law F_n = k delta^(3/2) [1 + a ddelta/ddelta0] is its hysteresis factor a(c_e). With any elastic
-part g the equation of motion m v dv/ddelta = -g(delta) (1 + a v/v0) separates, and equal depth at
-both ends of the impact gives its restitution e (K. H. Hunt, F. R. E. Crossley, 1975; Y. Zhang,
-I. Sharf, 2009)
+A law F_n = k delta^(3/2) [1 + a ddelta/ddelta0] is given by its hysteresis factor a(c_e). With any
+elastic part g the equation of motion m v dv/ddelta = -g(delta) (1 + a v/v0) separates, and equal
+depth at both ends of the impact gives its restitution e (K. H. Hunt, F. R. E. Crossley, 1975;
+Y. Zhang, I. Sharf, 2009)
 
     a (1 + e) = ln((1 + a)/(1 - a e)).
 """
@@ -21,7 +21,7 @@ from jointplay.base.schema import OptionalQuantity, Quantity, quantity
 from jointplay.physics.contact.law import ContactProperties, NormalForceLaw
 
 CONTACT_WIDTH_LIMIT = 0.3
-"""Contact radius over journal radius up to which Hertz's parabola stands for a circle.
+"""Contact radius over journal radius up to which Hertz's parabola approximates a circle.
 
 The parabola's height is off by (a/R)^2/4, 2 % here.
 """
@@ -33,7 +33,8 @@ K. L. Johnson, Contact Mechanics, Cambridge University Press, 1985, section 6.1.
 REFERENCE_PENETRATION_M = 1e-5
 """Depth at which laws with other units of stiffness agree with Hertz's."""
 _TINY = 1e-6
-"""Below this the equation of the restitution cancels; its first order is exact to its square."""
+"""Factor, or 1 - e, below which the equation of the restitution suffers from cancellation; its
+first order, used instead, is exact to the square of this."""
 
 
 def effective_restitution(factor: float) -> float:
@@ -45,7 +46,7 @@ def effective_restitution(factor: float) -> float:
         return math.log1p(factor) - math.log1p(-factor * e) - factor * (1.0 + e)
 
     high = 1.0 if factor < 1.0 else (1.0 - 1e-15) / factor
-    if mismatch(high) <= 0.0:  # 1 - a e is smaller than numbers can tell
+    if mismatch(high) <= 0.0:  # 1 - a e is below the resolution of floating point
         return high
     return _root(mismatch, 0.0, high)
 
@@ -60,7 +61,7 @@ def exact_factor(restitution: float) -> float:
         return math.log1p(d * inverse) - math.log1p(-d) - d * (1.0 + inverse)
 
     high = 1.0 - 1e-15
-    if mismatch(high) <= 0.0:  # a soft impact ends with all but no force
+    if mismatch(high) <= 0.0:  # the limit of small e: a -> 1/e
         return inverse
     return _root(mismatch, 0.5 * (1.0 - restitution), high) * inverse
 
@@ -79,15 +80,20 @@ def elastic_limits(
     pressure: float,
     yields: float,
 ) -> list[str]:
-    """Say in what a contact is too wide for its theory or no longer elastic, a line each.
+    """Warnings where a contact is too wide for its theory or no longer elastic, a line each.
 
-    At the deepest penetration [m]: `extent`, what the contact's width is called, and this [m]; peak
-    `pressure` [Pa]; `yields`, peak pressure over yield strength at first yield.
+    Args:
+        law: name of the law.
+        contact: the contact.
+        depth: deepest penetration [m].
+        extent: name of the contact's dimension ("radius", "half-width"), and its size there [m].
+        pressure: peak pressure there [Pa].
+        yields: peak pressure over yield strength at first yield.
     """
-    lines, (word, size) = [], extent
+    lines, (dimension, size) = [], extent
     if size > CONTACT_WIDTH_LIMIT * contact.journal_radius:
         lines.append(
-            f"{law} assumes a small contact: at the depth {depth:.3g} m its {word} is "
+            f"{law} assumes a small contact: at the depth {depth:.3g} m its {dimension} is "
             f"{size / contact.journal_radius:.2g} of the journal's radius"
         )
     if pressure > yields * contact.yield_strength:
@@ -100,7 +106,7 @@ def elastic_limits(
 
 @dataclass(frozen=True)
 class PointContactLaw(NormalForceLaw):
-    """Base of the laws with Hertz's elastic part, and of its limits."""
+    """Base of the laws with Hertz's elastic part, with its limits of validity."""
 
     def _limits(self, contact: ContactProperties, max_depth: float) -> list[str]:
         if not contact.radius:
@@ -134,14 +140,14 @@ class Hertz(PointContactLaw):
 
 @dataclass(frozen=True)
 class HuntCrossley(PointContactLaw):
-    """F_n = k delta^n + b delta^p sgn(ddelta) |ddelta|^q (eq. 10), all five of them free.
+    """F_n = k delta^n + b delta^p sgn(ddelta) |ddelta|^q (eq. 10), all five parameters free.
 
-    The paper's other laws are its cases: p = 0, q = 1 with n = 1 and a given b are eq. 17
+    The paper's other laws are special cases: p = 0, q = 1 with n = 1 and a given b are eq. 17
     (`KelvinVoigt`), with b = 0 eqs 15 and 16. Eq. 18 has p = 0 as printed, but its b, eq. 14,
     contains delta^n: with a constant b that is n = p = 3/2, q = 1, the default, and is
     Lankarani-Nikravesh.
 
-    What is not given follows from the Hertz stiffness of eq. 11 and the damping of eq. 14,
+    k and b that are not given follow from the Hertz stiffness of eq. 11 and the damping of eq. 14,
     b delta^p = 3 k (1 - c_e^2) delta^n / (4 ddelta0), so that at the reference depth of 10 µm and
     at |ddelta| = ddelta0 both keep the proportion of eq. 14 whatever n, p and q are:
 
@@ -203,7 +209,7 @@ class HuntCrossley(PointContactLaw):
         return k, factor, self.n, self.p, self.q, 1.0
 
     def effective_restitution(self, restitution: float) -> float | None:
-        """That of Lankarani-Nikravesh if n = p, q = 1; 1 if b = 0; else not of c_e alone."""
+        """Restitution of Lankarani-Nikravesh if n = p, q = 1; 1 if b = 0; else None."""
         if self.damping is not None:
             return None if self.damping else 1.0
         if self.n != self.p or self.q != 1.0:
@@ -225,10 +231,10 @@ def hysteresis(
 
 @dataclass(frozen=True)
 class HysteresisLaw(PointContactLaw):
-    """F_n = k delta^(3/2) [1 + a ddelta/ddelta0]; a law of this family is its factor a(c_e)."""
+    """F_n = k delta^(3/2) [1 + a ddelta/ddelta0]; laws of this family differ in a(c_e)."""
 
     family: ClassVar[str] = "F_n = k delta^(3/2) [1 + a ddelta/ddelta0]"
-    """In words."""
+    """Formula of the family, as the docstrings of its laws begin."""
     varying: ClassVar[str] = "factor"
     """Name of the function in which laws of the family differ."""
 
@@ -259,15 +265,19 @@ def law(
     validity: str,
     note: str = "",
 ) -> type[L]:
-    """A law of a family: a class, docstring and all, of what a table says of it.
+    """Make the class of a law, docstring included.
 
-    `base`, the family: its `varying` names the one `function` in which its laws differ. The word
-    that selects the law follows from its `name`; `note` is what else there is to say.
+    Args:
+        base: family of the law; its `varying` names the function in which its laws differ.
+        name: name of the class, from which the word that selects the law follows.
+        function: the law's own such function.
+        formula, reference, validity: see `Law`.
+        note: further paragraph of the docstring.
     """
     family: Any = base
-    says = [f"{family.family}.", note, f"{reference}.", f"Good for {validity}."]
+    paragraphs = [f"{family.family}.", note, f"{reference}.", f"Good for {validity}."]
     entries = {
-        "__doc__": "\n\n".join(part for part in says if part),
+        "__doc__": "\n\n".join(part for part in paragraphs if part),
         "__module__": base.__module__,
         "name": re.sub("(?<=[a-z])(?<!Mc)(?=[A-Z0-9])", "-", name).lower(),
         "formula": formula,

@@ -1,4 +1,4 @@
-"""What a contact law is: a short function of penetration and rate, and its parameters.
+"""Base classes of contact laws: a short function of depth and rate, and its parameters.
 
 A normal-force law is a Python function
 
@@ -10,9 +10,9 @@ A friction law is a function
 
     def coefficient(speed, mu_d, v_t): ...                       # -> mu
 
-of the sliding speed |v_t| >= 0 [m/s]. An argument called ``p`` in the place of the parameters has
-all of them: p[0], p[1], ... All laws are compiled to C callbacks and called by address
-(`machine_code`), so a user's law (`custom`) costs exactly what a built-in one costs and the time
+of the sliding speed |v_t| >= 0 [m/s]. A single argument ``p`` in place of the parameters takes all
+of them: p[0], p[1], ... All laws are compiled to C callbacks and called by address
+(`machine_code`), so a user's law (`custom`) costs exactly what a built-in one costs, and the time
 loop is compiled once for all.
 
 The force at ddelta = 0 must not depend on ddelta0: it defines the energy stored.
@@ -33,15 +33,15 @@ from jointplay.base.schema import Described, check_fields
 from jointplay.physics.contact.machine_code import parameter_names
 
 BRISTLE_NUMBERS = 8
-"""What a friction law with bristles tells; see `bristle.Bristles`."""
+"""Number of results of a friction law with bristles; see `bristle.Bristles`."""
 FILM_NUMBERS = 4
-"""What a film law tells; see `film.FilmForce`."""
+"""Number of results of a film law; see `film.FilmForce`."""
 RESTITUTION_MARGIN = 0.05
-"""A run is warned of if an impact delivers a restitution further than this from c_e."""
+"""Difference of an impact's restitution from c_e beyond which a run gets a warning."""
 STATIC_RATIO = 1.5
-"""Static over dynamic friction coefficient, where only the dynamic one is given."""
+"""Ratio of static to dynamic friction coefficient where only the dynamic one is given."""
 WAVE_FRACTION = 1e-5
-"""Fraction of the waves' speed up to which an impact counts as quasi-static.
+"""Approach speed, relative to that of elastic waves, up to which an impact is quasi-static.
 
 A. E. H. Love, A Treatise on the Mathematical Theory of Elasticity (1944); the criterion that
 Lankarani and Nikravesh (1990) quote.
@@ -49,9 +49,9 @@ Lankarani and Nikravesh (1990) quote.
 
 
 class ContactProperties(NamedTuple):
-    """What the joint tells a law about the contact it is used in.
+    """Properties of a contact that its laws depend on.
 
-    Zero or infinity stands for what is not known, and then nothing is checked against it.
+    A property that is not known is zero or infinite, and nothing is checked against it.
     """
 
     stiffness: float
@@ -59,25 +59,25 @@ class ContactProperties(NamedTuple):
     restitution: float
     """Nominal coefficient of restitution c_e."""
     bearing_radius: float = 0.0
-    """R_i, infinite for a plane [m]."""
+    """Radius R_i of the bearing, infinite for a plane [m]."""
     journal_radius: float = 0.0
-    """R_j [m]."""
+    """Radius R_j of the journal [m]."""
     clearance: float = 0.0
-    """C_r = R_i - R_j [m]."""
+    """Radial clearance C_r = R_i - R_j [m]."""
     journal_length: float = 0.0
-    """L_j [m]."""
+    """Length L_j of the journal [m]."""
     contact_length: float = 0.0
     """Part of the journal's length that this contact stands for [m]; 0 if it is no line."""
     modulus: float = 0.0
-    """E*, of 1/E* = (1 - nu_i^2)/E_i + (1 - nu_j^2)/E_j [Pa]."""
+    """Effective modulus E*, 1/E* = (1 - nu_i^2)/E_i + (1 - nu_j^2)/E_j [Pa]."""
     wave_speed: float = math.inf
-    """The larger sqrt(E/rho) of both bodies [m/s]."""
+    """Larger sqrt(E/rho) of the two bodies [m/s]."""
     yield_strength: float = math.inf
-    """The smaller one of both bodies [Pa]."""
+    """Smaller yield strength of the two bodies [Pa]."""
 
     @property
     def radius(self) -> float:
-        """R = R_i R_j / C_r of eq. 13, R_j on a plane [m]; 0 if not known."""
+        """Effective radius R = R_i R_j / C_r of eq. 13, R_j on a plane [m]; 0 if not known."""
         if math.isinf(self.bearing_radius):
             return self.journal_radius
         return self.bearing_radius * self.journal_radius / self.clearance if self.clearance else 0.0
@@ -94,7 +94,7 @@ class Law(Described, ABC):
     selector = ("law", "name")
 
     name: ClassVar[str]
-    """The one word that selects the law."""
+    """Word that selects the law."""
 
     formula: ClassVar[str] = ""
     """The law in LaTeX."""
@@ -103,16 +103,16 @@ class Law(Described, ABC):
     """Where the law was published."""
 
     validity: ClassVar[str] = ""
-    """What the law is good for, and where it fails."""
+    """Where the law is valid, and where it fails."""
 
     state: ClassVar[tuple[str, ...]]
     """Arguments of `function` that the time loop gives; the law's parameters follow."""
 
     answers: ClassVar[int] = 0
-    """How many numbers `function` returns as a tuple; 0 for a single one."""
+    """Number of results that `function` returns as a tuple; 0 if it returns a single number."""
 
     function: ClassVar[Callable[..., Any]]
-    """The law itself, a static function compiled by numba; the module's text has its arguments."""
+    """The law itself, a static function compiled by numba: `state`, then parameters."""
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -125,23 +125,23 @@ class NormalForceLaw(Law):
     state: ClassVar[tuple[str, ...]] = ("delta", "ddelta", "ddelta0")
 
     line: ClassVar[bool] = False
-    """Whether the law is one of a cylinder in a bore."""
+    """Whether the law is one for line contact of a cylinder in a bore."""
 
     @abstractmethod
     def parameters(self, contact: ContactProperties) -> tuple[float, ...]:
         """Parameters of `function` for one contact, at most `MAX_PARAMETERS` of them."""
 
     def effective_restitution(self, restitution: float) -> float | None:
-        """Restitution of a free impact at the nominal c_e; None if not closed in c_e alone."""
+        """Restitution of a free impact at the nominal c_e; None if it depends on more than c_e."""
         return None
 
     def warnings(
         self, contact: ContactProperties, *, max_depth: float, max_speed: float
     ) -> list[str]:
-        """In what a run to a depth [m] and approach [m/s] left the valid range, a line each."""
+        """Limits of validity that a run's depth [m] and approach [m/s] exceed, a line each."""
         lines = []
         delivered = self.effective_restitution(contact.restitution)
-        # An elastic law (exactly 1) is chosen for that; there is nothing to warn of.
+        # An elastic law, which delivers exactly 1, is chosen for it: no warning.
         if (
             delivered is not None
             and delivered < 1.0
@@ -160,7 +160,7 @@ class NormalForceLaw(Law):
         return lines + (self._limits(contact, max_depth) if max_depth > 0.0 else [])
 
     def _limits(self, contact: ContactProperties, max_depth: float) -> list[str]:
-        """In what a depth > 0 [m] exceeds the limits of the law's own theory."""
+        """Limits of the law's own theory that a depth > 0 [m] exceeds, a line each."""
         return []
 
 
@@ -169,13 +169,13 @@ class FrictionLaw(Law):
     """Base of all friction laws mu(speed, parameters); the force is -mu F_n v_t/|v_t| (eq. 20).
 
     A law with a static coefficient mu_s beside its mu_d must not have mu_s < mu_d. Where mu_s is
-    None it is `STATIC_RATIO` mu_d, to 12 digits: what one law says of sliding holds in another.
+    None it becomes `STATIC_RATIO` mu_d, to 12 digits.
     """
 
     state: ClassVar[tuple[str, ...]] = ("speed",)
 
     bristles: ClassVar[bool] = False
-    """Whether the law is one of `bristle.BristleLaw`."""
+    """Whether the law is a `bristle.BristleLaw`."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -191,18 +191,18 @@ class FrictionLaw(Law):
             )
 
     def parameters(self) -> tuple[float, ...]:
-        """Parameters of `function`, at most `MAX_PARAMETERS` of them: the fields it names."""
+        """Parameters of `function`, the fields that it names; at most `MAX_PARAMETERS` of them."""
         names = parameter_names(type(self).function, self.state) or ()
         return tuple(getattr(self, name) for name in names)
 
     @property
     def coefficients(self) -> dict[str, float]:
-        """Its coefficients of friction by the names of their fields: those that begin with mu."""
+        """Coefficients of friction, by name: the fields whose names begin with mu."""
         names = [field.name for field in fields(self) if field.name.startswith("mu")]
         return {name: getattr(self, name) for name in names}
 
     def scaled(self, factor: float) -> Self:
-        """The law with all its coefficients of friction multiplied."""
+        """Return the law with all its coefficients of friction multiplied by a factor."""
         factor = require_non_negative("factor", factor, "")
         changes: dict[str, Any] = {name: factor * mu for name, mu in self.coefficients.items()}
         return replace(self, **changes) if changes else self

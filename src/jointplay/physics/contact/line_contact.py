@@ -1,4 +1,4 @@
-"""Laws of a cylinder in a bore (line contacts).
+"""Line contacts: laws of a cylinder in a bore.
 
 Johnson, Radzimovsky, Goldsmith, and Dubowsky and Freudenstein all write the depth as
 
@@ -8,10 +8,10 @@ and differ in K. With u = ln(K/F) and s = pi E* l delta/K this is s = u e^-u, so
 
     F = pi E* l delta/u,    u - ln(u) = -ln(s),    u > 1,
 
-the lower branch of Lambert's W. The force as a function of the depth has the slope
-pi E* l/(u - 1): it stiffens without bound as u falls to 1, where the logarithm has lost its
-meaning, and has no force for greater depths. It is therefore left at u = 2, where its slope is
-pi E* l, along the tangent: continuous with its first derivative, rising, finite for all depths.
+the lower branch of Lambert's W. The slope of the force over the depth is pi E* l/(u - 1): it grows
+without bound as u falls to 1, where the logarithm has lost its meaning, and beyond that depth there
+is no solution. The law is therefore continued along its tangent from u = 2 on, where its slope is
+pi E* l: continuous with its first derivative, rising, finite for all depths.
 """
 
 from __future__ import annotations
@@ -48,16 +48,16 @@ class CylindricalLaw(HysteresisLaw):
     Each radial contact is one end of the journal and stands for half of its length (l = L_j/2),
     so that a journal with parallel axes, touching at both ends, has the force of its whole length.
     A rim on a flat end wall is no line: there, and wherever l is 0, the law is Hertz's with the
-    joint's axial stiffness. The references have no loss; the damping is that of
-    Lankarani-Nikravesh, for radial and axial contacts alike.
+    joint's axial stiffness. The references have no damping; that of Lankarani-Nikravesh is added,
+    for radial and axial contacts alike.
     """
 
     line = True
 
     point: ClassVar[float]
-    """Third parameter with which `function` is Hertz's."""
+    """Value of the third parameter with which `function` is Hertz's law."""
     conformal: ClassVar[bool] = False
-    """Whether the law is made for wide contacts."""
+    """Whether the law is valid for wide (conformal) contacts."""
 
     @staticmethod
     def factor(restitution: float) -> float:
@@ -65,10 +65,10 @@ class CylindricalLaw(HysteresisLaw):
 
     @abstractmethod
     def line_parameters(self, contact: ContactProperties) -> tuple[float, float]:
-        """Stiffness, and third parameter of `function`, of a line contact."""
+        """Stiffness, and third parameter of `function`, for a line contact."""
 
     def parameters(self, contact: ContactProperties) -> tuple[float, ...]:
-        """Stiffness, a, and the law's third; Hertz's k where the contact is no line."""
+        """Stiffness, factor a, and the law's third parameter; Hertz's where it is no line."""
         stiffness, shape = contact.stiffness, self.point
         if contact.contact_length:
             stiffness, shape = self.line_parameters(contact)
@@ -87,7 +87,7 @@ class CylindricalLaw(HysteresisLaw):
 
 @dataclass(frozen=True)
 class LineContactLaw(CylindricalLaw):
-    """delta = F/(pi E* l) ln(K/F); a law of this family is its scale K."""
+    """delta = F/(pi E* l) ln(K/F); laws of this family differ in the scale K."""
 
     point = 0.0
     family = "delta = F/(pi E* l) ln(K/F)"
@@ -113,8 +113,9 @@ class LineContactLaw(CylindricalLaw):
         elif s >= LARGEST_S:
             elastic = slope * (delta - 0.5 * LARGEST_S / inverse_scale)
         else:
-            # u - ln(u) is convex, and nearly linear here. The start is its expansion about u = 1,
-            # within 5 % for s > 1e-40; three Newton steps then give u in all digits for any s.
+            # Solve u - ln(u) = level, which is convex and nearly linear here. The first guess is
+            # the expansion about u = 1, within 5 % for s > 1e-40; three Newton steps then give u to
+            # all digits for any s.
             level = -math.log(s)
             root = math.sqrt(2.0 * (level - 1.0))
             u = 1.0 + root * (1.0 + root * (1.0 / 3.0 + 0.01 * root))
@@ -151,7 +152,7 @@ class LineContactLaw(CylindricalLaw):
 
 
 def _depth(latex: str, where: str = r"f=\frac{F}{l}") -> str:
-    """LaTeX of a law of this family, from that of its depth times pi E*/f."""
+    """LaTeX of a law of this family, from that of delta pi E*/f."""
     return rf"\delta = \frac{{f}}{{\pi E^*}}\left[{latex}\right],\quad {where}"
 
 
@@ -228,7 +229,8 @@ Esdu78035 = law(
 
 
 NARROWEST_M, CHANGE_M, WIDEST_M = 0.005e-3, 0.34954e-3, 10e-3
-"""Radial clearances between which Pereira's fit holds, and at which it changes its branch [m]."""
+"""Least and largest radial clearance of Pereira's fit, in between that at which the branch changes
+[m]."""
 
 
 def pereira_exponent(clearance_mm: float) -> float:

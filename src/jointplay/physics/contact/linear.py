@@ -1,4 +1,4 @@
-"""Laws with a linear spring, F = k delta: alone (eq. 16), and with a dashpot (eq. 17)."""
+"""Laws with a linear spring, F = k delta, alone (eq. 16) or with a dashpot (eq. 17)."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from jointplay.physics.contact.law import ContactProperties, NormalForceLaw
 
 
 def linear_stiffness(stiffness: float | None, contact: ContactProperties) -> float:
-    """Linear stiffness [N/m]: the given one, or the Hertz contact's.
+    """Linear stiffness [N/m]: the one given, or one derived from the Hertz contact.
 
-    Eq. 11 gives N/m^1.5. Derived, k is the spring that stores Hertz's energy at 10 µm:
+    Eq. 11 gives N/m^1.5. The derived k stores the energy of Hertz's contact at the depth of 10 µm:
     k delta^2 / 2 = 2/5 k_Hertz delta^(5/2).
     """
     if stiffness is not None:
@@ -68,7 +68,7 @@ class KelvinVoigt(NormalForceLaw):
     damping: Quantity = quantity("N*s/m", least=0.0)
     """Damping coefficient b [N s/m]."""
     stiffness: OptionalQuantity = quantity("N/m", default=None, above=0.0)
-    """k [N/m]; None takes it from the joint's Hertz stiffness (`linear_stiffness`)."""
+    """Stiffness k [N/m]; None derives it from the joint's Hertz stiffness (`linear_stiffness`)."""
 
     function = staticmethod(spring_and_dashpot)
 
@@ -77,7 +77,7 @@ class KelvinVoigt(NormalForceLaw):
 
 
 def damping_ratio(restitution: float) -> float:
-    """Damping ratio with which a linear contact, kept to delta = 0, has the restitution c_e."""
+    """Damping ratio for the restitution c_e of a linear contact that ends at delta = 0."""
     logarithm = math.log(restitution)
     return -logarithm / math.hypot(math.pi, logarithm)
 
@@ -86,8 +86,8 @@ def damping_ratio(restitution: float) -> float:
 class Anagnostopoulos(NormalForceLaw):
     """F_n = k delta + b ddelta, b = 2 zeta sqrt(k m), zeta = -ln c_e / sqrt(pi^2 + ln^2 c_e).
 
-    The linear dashpot cannot deliver a restitution without knowing the mass m that it stops. The
-    formula counts on the pull of the dashpot before delta = 0, which a dry contact does not have
+    The linear dashpot cannot deliver a given restitution without the mass m that it stops. The
+    formula includes the pull of the dashpot before delta = 0, which a dry contact does not have
     and the time loop cuts off: see `effective_restitution`.
 
     Raises:
@@ -112,7 +112,7 @@ class Anagnostopoulos(NormalForceLaw):
     anagnostopoulos needs it; `jointplay.model.impact.effective_mass` computes it for a mechanism.
     """
     stiffness: OptionalQuantity = quantity("N/m", default=None, above=0.0)
-    """k [N/m]; None takes it from the joint's Hertz stiffness (`linear_stiffness`)."""
+    """Stiffness k [N/m]; None derives it from the joint's Hertz stiffness (`linear_stiffness`)."""
 
     def __post_init__(self) -> None:
         if self.mass is None:
@@ -131,7 +131,7 @@ class Anagnostopoulos(NormalForceLaw):
         return k, 2.0 * damping_ratio(contact.restitution) * math.sqrt(k * self.mass)
 
     def effective_restitution(self, restitution: float) -> float:
-        """exp(-2 phi cot(phi)), phi = arccos(zeta), of the given mass, the pull cut off.
+        """Restitution with the pull cut off: exp(-2 phi cot(phi)), phi = arccos(zeta).
 
         T. Schwager, T. Poeschel, Granular Matter 9 (2007) 465-469.
         """

@@ -1,9 +1,8 @@
-"""Laws as machine code: compiled once, called by address from the time loop.
+"""Compilation of laws: each is compiled once, and called by address from the time loop.
 
-The time loop gives every law the same arguments: its state, and a pointer to the numbers of this
-contact. A law that names its parameters gets them from there by a wrapper made here, into which it
-is inlined: it costs what one costs that reads ``p[0]``, ``p[1]`` itself. `calls` has the calls by
-address.
+The time loop gives every law the same arguments: its state, and a pointer to the parameters of this
+contact. A law that names its parameters gets them by a wrapper made here, into which it is inlined:
+it costs no more than one that reads ``p[0]``, ``p[1]`` itself. `calls` has the calls by address.
 """
 
 from __future__ import annotations
@@ -23,9 +22,9 @@ if TYPE_CHECKING:
     from jointplay.physics.contact.law import Law
 
 MAX_PARAMETERS = 8
-"""Numbers a law can take: the room that the time loop keeps for each contact."""
+"""Most parameters of a law: the room that the time loop keeps for each contact."""
 ARRAY = "p"
-"""Argument that takes all parameters at once, as an array."""
+"""Name of the argument that takes all parameters at once, as an array."""
 
 
 def parameter_names(function: Callable[..., Any], state: tuple[str, ...]) -> tuple[str, ...] | None:
@@ -35,12 +34,12 @@ def parameter_names(function: Callable[..., Any], state: tuple[str, ...]) -> tup
 
 
 def check_signature(function: Callable[..., Any], state: tuple[str, ...], writes: bool) -> None:
-    """Refuse a function that is no law: one whose first arguments are not those of `state`.
+    """Raise unless a function has the arguments of a law: those of `state`, then its parameters.
 
-    With `writes`, one that takes an array also takes ``out`` and writes its answer there.
+    With `writes`, a function that takes an array also takes ``out`` and writes its results there.
 
     Raises:
-        JointplayError: it takes other arguments; the message has both.
+        JointplayError: it takes other arguments; the message names both.
     """
     try:
         names = tuple(inspect.signature(function).parameters)
@@ -75,13 +74,16 @@ def address(law: Law) -> int:
 
     Raises:
         JointplayError: numba cannot compile it (the message carries numba's reason), or its
-            function is not at hand.
+            function is not available.
     """
     return compiled_law(law).address
 
 
 def compiled_law(law: Law) -> Native:
-    """Compiled function of the law: its `address`, whose errors it has, and `ctypes` for Python."""
+    """Compile the law's function: its `address`, and `ctypes` to call it from Python.
+
+    Raises as `address` does.
+    """
     if isinstance(law.function, Absent):
         raise JointplayError(law.function.reason)
     return _compiled(law.function, law.state, law.answers)
@@ -93,9 +95,9 @@ def _compiled(function: Callable[..., Any], state: tuple[str, ...], answers: int
 
 
 def law_signature(state: tuple[str, ...], answers: int) -> str:
-    """What a compiled law takes and returns; one with several `answers` writes them.
+    """Signature of a compiled law in the letters of `base.compiler`.
 
-    In the letters of `base.compiler`.
+    A law with several results, `answers` of them, writes them to its last argument.
     """
     letters = ",".join("d" * len(state))
     return f"v({letters},p,p)" if answers else f"d({letters},p)"
@@ -103,12 +105,12 @@ def law_signature(state: tuple[str, ...], answers: int) -> str:
 
 @cache
 def compiled_touch(function: Callable[..., Any]) -> int:
-    """Machine address of the geometry that a kind of joint brings.
+    """Machine address of a joint kind's own contact geometry.
 
     Args:
-        function: of (k, pose) and then the joint's dimensions by name: index of the contact and
-            pose of the journal (`geometry.contacts`). It returns the seven numbers of
-            `geometry.touch`.
+        function: a function of (k, pose), index of the contact and pose of the journal
+            (`geometry.contacts`), and then of the joint's dimensions by name. It returns the seven
+            numbers of `geometry.touch`.
 
     Raises:
         JointplayError: numba cannot compile it; the message carries numba's reason.
@@ -135,12 +137,12 @@ def compiled_function(function: Callable[..., Any], signature: str) -> Native:
 
 _ESCAPES = re.compile(r"\x1b\[[0-9;]*m")
 _FRAME = ("Failed in", "During", "File ")
-"""Beginnings of the lines in which numba tells its own way rather than the reason."""
+"""Beginnings of the lines in which numba describes its own progress rather than the reason."""
 _LINE = re.compile(r'(?:File ".*", line |Raised from .* \()(\d+)')
 
 
 def _reason(error: Exception) -> str:
-    """Why numba cannot compile a law, and in which line, without what it says of itself."""
+    """Reason why numba cannot compile a law, and its line, picked from numba's message."""
     text = _ESCAPES.sub("", str(error))
     lines = [line.strip() for line in text.splitlines() if line.strip()]
     reason = next((line for line in lines if not line.startswith(_FRAME)), "no reason given")
@@ -150,10 +152,10 @@ def _reason(error: Exception) -> str:
 
 
 def _packed(function: Callable[..., Any], state: tuple[str, ...], answers: int) -> Any:
-    """The law as the time loop calls it, with its parameters in an array.
+    """Wrap a law with named parameters in a function that takes them as an array.
 
-    The wrapper claims the law's own place in its file, so that what is compiled is kept, and
-    compiled again when that file has changed.
+    The wrapper claims the law's place in its file, so that its compiled code is kept, and compiled
+    again when that file has changed.
     """
     names = parameter_names(function, state)
     if names is None:

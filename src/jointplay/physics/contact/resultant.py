@@ -1,9 +1,8 @@
-"""Laws that answer for a whole joint: the elements of a rolling bearing, springs, or both.
+"""Interface of laws for a whole joint: the elements of a rolling bearing, springs, or both.
 
-Such a law gets the numbers of the joint and a pose, and answers with force, moment, energy and
-stiffness at once (`rolling`, `elastic`). Here is what both sides must know: the places of numbers
-and answers, how to make the former from dimensions, and how to ask. The laws themselves are
-compiled when they are first asked.
+Such a law takes the joint's parameters and a pose, and gives wrench, energy and stiffness at once
+(`rolling`, `elastic`). Parameters and results are flat arrays: here are the indices of both, and
+how to make parameters from dimensions.
 """
 
 from __future__ import annotations
@@ -20,45 +19,46 @@ from jointplay.physics.contact.law import ContactProperties, FrictionLaw, Normal
     CAGE, ROLLERS, ROWS, COUNT, STIFFNESS, RADIUS, REACH, DISTANCE, RATIO,
     DRAG, FRICTION, DAMPING, ROW_PLACES,
 ) = range(13)  # fmt: skip
-"""Places of the numbers of a bearing; see `bearing_numbers`."""
+"""Indices of a bearing's parameters; see `bearing_numbers`."""
 
 ROW_NUMBERS = 2
-"""Numbers of each row from `ROW_PLACES` on: its place h along the axis and y_0 [m]."""
+"""Parameters of each row, from `ROW_PLACES` on: its position h along the axis and y_0 [m]."""
 
 MOST_ROWS = 2
 
 TABLE = ROW_PLACES + ROW_NUMBERS * MOST_ROWS
-"""From here on cosine and sine of each element's azimuth in the cage."""
+"""Index from which on cosine and sine of each element's azimuth in the cage follow."""
 
 (
     WRENCH, ENERGY, SUM, LARGEST, LOADED, DEEPEST, COSINE, SINE, PLACE, ACROSS, ALONG,
     CAGE_SLOPE, TANGENT,
 ) = (0, *range(6, 18))  # fmt: skip
-"""Places of what `find_element_forces` answers, see there."""
+"""Indices of the results; see `rolling.find_element_forces`."""
 
 ANSWERS = TANGENT + 36
-"""How many numbers that is."""
+"""Number of results."""
 BOUNDED, EXACT, FORCES = range(3)
-"""How `find_element_forces` looks at the elements."""
+"""Modes of evaluation; see `rolling.find_element_forces`."""
 
 BALL_EXPONENT, ROLLER_EXPONENT = 1.5, 10.0 / 9.0
+"""Exponents n of the load-deflection law Q = K delta^n of an element."""
 
 WAYS = 5
-"""Numbers of xi."""
+"""Dimension of xi = (p_x, p_y, p_z, a_x, a_y), in which a ring's position is described."""
 SEAT = ANSWERS
-"""Where a bearing in a seat keeps the displacement u of its outer ring."""
+"""Index, among the results of a bearing in a seat, of the displacement u of its outer ring."""
 
 SEAT_ANSWERS = ANSWERS + WAYS
 
 NODES = 12
-"""Most points of a curve."""
+"""Most points of a spring's force-displacement curve."""
 CURVE = 1 + 2 * NODES
-"""Numbers of a curve: how many points, their displacements, their forces."""
+"""Parameters of a curve: the number of its points, their displacements, their forces."""
 ELEMENTS, SEATED, SPRINGS, GUIDE, MOUNT = range(5)
-"""Laws: of a bearing's elements, of the same in a seat, of springs alone that let a body turn about
-the axis, or slide along it, or hold it in every direction."""
+"""Laws: a bearing's elements; the same in an elastic seat; springs alone, that let a body rotate
+about the axis, or slide along it, or hold it in every direction."""
 HOLDING = (SPRINGS, GUIDE, MOUNT)
-"""Laws without play, in which nothing hits."""
+"""Laws without clearance, in which there are no impacts."""
 
 
 def bearing_numbers(
@@ -76,20 +76,20 @@ def bearing_numbers(
     damping: float = 0.0,
     cage: float = 0.0,
 ) -> tuple[float, ...]:
-    """Numbers by which compiled code knows a bearing.
+    """Parameters of a bearing for compiled code, as a flat array; symbols as in `rolling`.
 
     Args:
-        rollers: crossed rollers, else balls.
-        count: elements of a row, even for rollers.
+        rollers: whether the elements are crossed rollers; else balls.
+        count: elements per row, even for rollers.
         stiffness: K of an element [N/m^n].
         radius: r_i of balls, half of the pitch diameter of rollers [m].
         reach: r_i - r_o of balls, the radial clearance C_r of rollers [m].
         distance: A of balls [m].
-        ratio: of the cage's turn to the ring's.
-        rows: place along the axis and y_0 of each, at most `MOST_ROWS` [m].
+        ratio: rotation of the cage over that of the ring.
+        rows: position h along the axis and y_0 of each row, at most `MOST_ROWS` rows [m].
         drag: friction torque without load [N m].
-        friction: the same over the sum of all element loads [m].
-        damping: over the stiffness [s].
+        friction: friction torque per sum of all element loads [m].
+        damping: damping over stiffness [s].
         cage: azimuth of the first element [rad].
     """
     places = [number for row in rows for number in row]
@@ -103,10 +103,10 @@ def bearing_numbers(
 def spring_numbers(
     matrix: np.ndarray, curves: Sequence[Sequence[tuple[float, float]]]
 ) -> tuple[float, ...]:
-    """Numbers of springs: their matrix K (n, n) [N/m, N, N m], and a curve in each direction.
+    """Parameters of springs for compiled code: K (n, n) [N/m, N, N m] and a curve per direction.
 
-    A curve has points (displacement, force) beyond zero, the same with opposite signs on the other
-    side; it goes on as it ends.
+    A curve has points (displacement, force) on the positive side of zero and is odd; beyond its
+    last point it goes on straight.
     """
     numbers = list(np.asarray(matrix, float).ravel())
     for curve in curves:
@@ -118,16 +118,16 @@ def spring_numbers(
 
 @dataclass(frozen=True)
 class ElementContact(NormalForceLaw):
-    """Load of one rolling element, K delta^n, for what asks of a joint how stiff a contact is."""
+    """Load of one rolling element, K delta^n: the normal-force law of a bearing's contacts."""
 
     name = "rolling-element"
     formula = r"Q = K \delta^n"
     reference = "Hertz (1882) for balls; ISO/TS 16281 for rollers"
 
     exponent: Quantity = quantity("", default=BALL_EXPONENT, above=0.0)
-    """n."""
+    """Exponent n."""
     rated_load: OptionalQuantity = quantity("N", default=None, above=0.0)
-    """Load of an element at the bearing's static rating [N]; None: nothing is rated."""
+    """Load of an element at the bearing's static rating [N]; None: the bearing has no rating."""
 
     @staticmethod
     def function(

@@ -1,4 +1,4 @@
-"""Rolling bearings: what all rolling elements together do to the inner ring.
+"""Rolling bearings: load, stiffness and equilibrium of the inner ring on its rolling elements.
 
 Each element is a spring between two raceways that only pushes. With e_r the radial direction at its
 azimuth, p the displacement of the inner ring's centre, a the ring's axis and s = e_r . a, the ends
@@ -8,7 +8,7 @@ of the spring of a ball are the centres of curvature of both grooves, A apart wh
     Y = y_0 + p_z - r_i s + h (a_z - 1),        delta = sqrt(X^2 + Y^2) - A
 
 in the plane of its azimuth, with the radii r_i and r_o of the circles on which these centres lie
-and the place h of the row along the axis. A crossed roller, whose axis is inclined by 45 degrees
+and the position h of the row along the axis. A crossed roller, whose axis is inclined by 45 degrees
 one way or the other (k = 1 or -1), has
 
     delta = (p . e_r + k (p_z - r s) - C_r) / sqrt(2)
@@ -18,10 +18,13 @@ series) and 10/9 for a roller (ISO/TS 16281). All forces and moments are the gra
 
     U = sum K delta^(n + 1) / (n + 1)
 
-so nothing is gained or lost on a closed way; with it the lever of a ball's moment is that of the
-groove. The elements go around with the cage, by ratio = (1 - D cos(alpha) / d_m) / 2 of the ring's
-own turn. Their places change U, and what they take comes from the turn: the moment about the axis
-is -ratio dU/d(cage). Centrifugal and gyroscopic forces of the elements are left out.
+so no energy is gained or lost on a closed path; the lever arm of a ball's moment is then that of
+the groove. The elements go around with the cage, by ratio = (1 - D cos(alpha) / d_m) / 2 of the
+ring's own rotation. As U depends on the azimuth of the cage, the moment about the axis is
+-ratio dU/d(cage). Centrifugal and gyroscopic forces of the elements are left out.
+
+The first part evaluates forces and stiffness at a pose, the second finds the pose in equilibrium
+with a load (`rests`).
 """
 
 from __future__ import annotations
@@ -76,9 +79,9 @@ def _ninth_root(x):
 
 @compiled
 def _gap_at_least(d, radial, axial, lean):
-    """How far displacements and lean of the ring are from where any element bears load, at least.
+    """Lower bound of the gap of all elements [m], given the size of displacements and tilt.
 
-    Negative: one may.
+    If it is negative an element may bear load.
     """
     if d[ROLLERS] != 0.0:
         return _HALF * (d[REACH] - radial - axial - d[RADIUS] * lean)
@@ -93,26 +96,26 @@ def _gap_at_least(d, radial, axial, lean):
 
 @compiled
 def _touch(d, pose, h, start, element, turn_c, turn_s):
-    """How far an element is pressed in [m], and how; see the equations above.
+    """Deflection of one element and its geometry, by the equations above.
 
     Args:
         d, pose: see `find_element_forces`.
-        h: place of its row along the axis [m].
+        h: position of its row along the axis [m].
         start: y_0 + p_z + h (a_z - 1), the same for all elements of a row [m].
         element: its number in the row, from the cage's azimuth on.
         turn_c, turn_s: cosine and sine of that azimuth.
 
     Returns:
-        delta [m]; cosine and sine of its azimuth; the components of its contact's direction across
-        and along the axis; the arm of the former about the ring's centre, and the distance of both
-        centres of curvature [m], which a roller has not.
+        delta [m]; cosine and sine of its azimuth; the components of the contact direction across
+        and along the axis; the lever arm of the former about the ring's centre [m]; the distance
+        of the two centres of curvature [m], meaningless for a roller.
     """
     c0, s0 = d[TABLE + 2 * element], d[TABLE + 2 * element + 1]
     c, s = c0 * turn_c - s0 * turn_s, s0 * turn_c + c0 * turn_s
     r, reach = d[RADIUS], d[REACH]
     lean = c * pose[5] + s * pose[8]
     radial = pose[0] * c + pose[1] * s
-    if d[ROLLERS] != 0.0:
+    if d[ROLLERS] != 0.0:  # crossed rollers are inclined one way and the other in turn
         up = _HALF if element % 2 == 0 else -_HALF
         delta = _HALF * (radial - reach) + up * (start - r * lean)
         return delta, c, s, _HALF, up, 0.0, 1.0
@@ -126,8 +129,8 @@ def _touch(d, pose, h, start, element, turn_c, turn_s):
 def _add_outer(sums, rise, a, b, c, d, e, f):
     """Lower triangle of a symmetric matrix, row by row (21), plus rise s s^T, s = (a, ..., f).
 
-    Sums that the loop over elements keeps in registers: an array would be read and written 21 times
-    for each.
+    As a tuple the sums stay in registers; an array would be read and written 21 times for each
+    element.
     """
     ra, rb, rc, rd, re, rf = rise * a, rise * b, rise * c, rise * d, rise * e, rise * f
     return (
@@ -143,23 +146,24 @@ def _add_outer(sums, rise, a, b, c, d, e, f):
 
 
 def find_element_forces(d, pose, out, mode):
-    """What all elements do to the inner ring at a pose, into `out`; it is compiled.
+    """Find wrench and stiffness of all elements on the inner ring at a pose, into `out`; compiled.
 
-    The wrench is the gradient of the energy: each element's load times the slopes of its deflection
-    by the ring's displacement and turn. The stiffness is the sum of rise s s^T, s being these six
-    slopes and `rise` how steeply the load rises.
+    The wrench is minus the gradient of the energy: each element's load times the derivatives s of
+    its deflection by the ring's displacement and rotation. The stiffness is the sum of Q' s s^T
+    over the elements, Q' being the derivative of the load by the deflection.
 
     Args:
-        d: numbers of the bearing (`bearing_numbers`).
+        d: parameters of the bearing (`bearing_numbers`).
         pose: twelve numbers: centre of the ring in the axes of the outer one [m], orientation row
             by row.
-        out: `ANSWERS` numbers: force and moment about the ring's centre (6) [N, N m], energy [J],
-            sum of all element loads [N], the largest [N], how many bear load, largest deflection
-            (negative: least gap) [m], then cosine and sine of the azimuth and row place [m] of that
-            element, and the components of its contact's direction across and along the axis;
-            dU/d(cage) [N m]; the stiffness (6, 6) by the deflections of the elements.
-        mode: `BOUNDED`: where a bound shows that no element bears load none is looked at, and the
-            least gap is the bound's; `EXACT`: all; `FORCES`: all, without the stiffness.
+        out: `ANSWERS` numbers: force and moment about the ring's centre (6) [N, N m]; energy [J];
+            sum of all element loads [N], the largest [N], how many elements bear load; largest
+            deflection (negative: smallest gap) [m], then of that element cosine and sine of the
+            azimuth, row position [m], and the components of its contact direction across and along
+            the axis; dU/d(cage) [N m]; the stiffness (6, 6), contact directions held constant.
+        mode: `BOUNDED`: where a bound shows that no element bears load, none is evaluated, and the
+            bound stands for the smallest gap; `EXACT`: all elements; `FORCES`: all, without
+            stiffness.
     """
     px, py, pz = pose[0], pose[1], pose[2]
     ax, ay, az = pose[5], pose[8], pose[11]
@@ -193,7 +197,7 @@ def find_element_forces(d, pose, out, mode):
             total += load
             largest = max(largest, load)
             loaded += 1.0
-            # Slopes of the deflection: by the centre, and by the axis taken for a free vector.
+            # Derivatives of the deflection: by the centre, and by the axis taken as a free vector.
             dx, dy = across * c, across * s
             lever = across * arm - up * r
             tx, ty, tz = lever * c, lever * s, up * h
@@ -207,8 +211,9 @@ def find_element_forces(d, pose, out, mode):
             if with_stiffness:
                 mx, my, mz = ay * tz - az * ty, az * tx - ax * tz, ax * ty - ay * tx
                 lower = _add_outer(lower, rise * exponent, dx, dy, up, mx, my, mz)
+    # The moment is axis x gradient by the axis; elements going around take theirs from the spin.
     out[0], out[1], out[2] = -fx, -fy, -fz
-    back = d[RATIO] * cage_slope  # what the elements take on their way around
+    back = d[RATIO] * cage_slope
     out[3] = -(ay * gz - az * gy) - back * ax
     out[4] = -(az * gx - ax * gz) - back * ay
     out[5] = -(ax * gy - ay * gx) - back * az
@@ -222,9 +227,9 @@ def find_element_forces(d, pose, out, mode):
 
 
 def find_element_curvature(d, pose, bend):
-    """Second derivatives of the energy of all elements, into (25); it is compiled.
+    """Find the Hessian of the energy of all elements by xi, into `bend` (25); compiled.
 
-    By xi = (p_x, p_y, p_z, a_x, a_y), the displacement of the ring's centre and the part of its
+    xi = (p_x, p_y, p_z, a_x, a_y): displacement of the ring's centre, and the components of its
     axis across the outer ring's.
     """
     ax, ay, az = pose[5], pose[8], pose[11]
@@ -245,7 +250,8 @@ def find_element_curvature(d, pose, bend):
                 continue
             load = k * delta**exponent
             steep = exponent * load / delta
-            # Slopes of X and Y by the lean; of the deflection, and at a right angle to it.
+            # Derivatives of X and Y by the tilt s; then of the deflection and, at a right angle to
+            # it, of the contact direction.
             x_by, y_by = arm, -r
             tip_x, tip_y = -h * ax / az, -h * ay / az
             by[0], by[1], by[2] = across * c, across * s, up
@@ -262,7 +268,7 @@ def find_element_curvature(d, pose, bend):
             for i in range(WAYS):
                 for j in range(i + 1):
                     bend[WAYS * i + j] += load / length * aside[i] * aside[j]
-            # X and Y themselves bend with the lean.
+            # Second derivatives of X and Y by the axis.
             flat, tall = load * across * r, load * up * h / az
             bend[WAYS * 3 + 3] -= flat * c * c + tall * (1.0 + ax * ax / (az * az))
             bend[WAYS * 4 + 3] -= flat * c * s + tall * ax * ay / (az * az)
@@ -272,46 +278,48 @@ def find_element_curvature(d, pose, bend):
             bend[WAYS * j + i] = bend[WAYS * i + j]
 
 
-# Where the inner ring of a loaded rolling bearing comes to rest: where what the elements answer
-# balances the load, the least of energy less the load's work. Newton's method within a trust
-# radius: curvature that is not positive definite is shifted until it is, and each step is made as
-# long as the slope along it says.
+# Static equilibrium of the inner ring under a load: the minimum of the energy less the load's work.
+#
+# Newton's method in xi with a trust radius: a Hessian that is not positive definite is shifted
+# until it is (`_newton_step`), and a line search scales the step by the derivative along it
+# (`_line_search`).
 
 _MOST_STEPS, _MOST_CUTS, _MOST_SHIFTS = 600, 40, 60
-"""Steps, trials of each, and shifts of curvature, at most (judged)."""
+"""Most steps, most trials in each line search, most shifts of a Hessian (judged)."""
 _ASIDE = 1e-3
-"""Where a load points at an element, the search may climb the ridge between the places beside it
-and leave it by rounding alone: it begins anew so far off it, in sizes of `_size` (measured: any of
-1e-7 to 0.5 finds the same place of the load of tests/physics/joints/test_bearings.py)."""
+"""Offset beside the load's line at which a search that failed begins anew, in units of `_scales`.
+Where a load points at an element, the search may climb the ridge between the two minima beside it
+and leave it by rounding alone (measured: any offset from 1e-7 to 0.5 finds the same minimum of the
+load of tests/physics/joints/test_bearings.py)."""
 _BALANCED, _ACCEPTED, _ROUNDING = 1e-11, 1e-8, 1e-14
-"""Force that may be left over: aimed at, and accepted where rounding leaves no less, by the load;
-and by the sum of the elements' loads, which cancel each other but for rounding."""
+"""Residual force: aimed at, and accepted where rounding leaves no less, relative to the load; and,
+in addition, relative to the sum of the elements' loads, which cancel each other to rounding."""
 _CAREFUL = 0.9
-"""A step may end where the slope goes up by no more than this part of how it went down (Wolfe)."""
+"""Largest slope at the end of a step, relative to that at its start, sign reversed (Wolfe)."""
 _IDLE, _LONGER = 0.9, 4.0
-"""A step at whose end the slope has kept this part was too short, and is made so much longer: where
-one element bears all, there is no stiffness across it until the next one is touched."""
+"""A step at whose end more than this part of the slope is left was too short, and is lengthened by
+this factor: where one element bears all, there is no stiffness across it until the next touches."""
 _STEEPEST = 0.25
-"""Square of the largest sine of a lean that is tried: 30 degrees, more than any bearing."""
+"""Square of the sine of the largest tilt tried: 30 degrees, more than any bearing allows."""
 _SINGULAR = 1e-12
-"""Stiffness of a direction that counts as none, by the largest."""
+"""Stiffness of a direction that counts as none, relative to the largest."""
 
 
 _elements, _curvature = compiled(find_element_forces), compiled(find_element_curvature)
 _SQUARE = WAYS * WAYS
 STATE, PUSH, SOFT = WAYS, WAYS + 1, 2 * WAYS + 1
-"""Places of what `rests` finds behind xi: whether it is a place of rest, the load in terms of xi
-less what the cage takes (5) [N, N m], and how xi changes with force and moment (5, 5)."""
+"""Indices of the results of `rests` behind xi: whether it is an equilibrium; the load by xi, as the
+elements bear it (5) [N, N m]; the compliance d(xi)/d(force, moment) (5, 5)."""
 REST = SOFT + _SQUARE
-"""How many numbers it finds."""
+"""Number of results of `rests`."""
 
 
 @compiled
 def solve_in_place(matrix, right, columns, least):
-    """Solve a system of `WAYS` equations by elimination, for some columns of right hand sides.
+    """Solve `WAYS` linear equations with several right-hand sides by Gaussian elimination.
 
-    Overwrites matrix (25), and right (5, columns) by the solution. Without exchange of rows: for
-    matrices near to positive definite ones. Returns whether all pivots were larger than `least`.
+    Overwrites matrix (25), and right (5, columns) by the solution. Without pivoting: for matrices
+    that are nearly positive definite. Returns whether all pivots were larger than `least`.
     """
     for k in range(WAYS):
         if abs(matrix[WAYS * k + k]) <= least:
@@ -331,8 +339,11 @@ def solve_in_place(matrix, right, columns, least):
 
 
 @compiled
-def _answer(d, load, lean, xi, pose, out, left):
-    """Ask the elements at a place: what of the load is not balanced, in terms of xi."""
+def _residual(d, load, lean, xi, pose, out, left):
+    """Residual of the equilibrium at xi: the load plus the elements' wrench, by xi, into `left`.
+
+    `lean` is the tilt of the outer ring, to which that in xi is relative.
+    """
     x, y = xi[3] + lean[0], xi[4] + lean[1]
     up = math.sqrt(1.0 - x * x - y * y)
     pose[0], pose[1], pose[2] = xi[0], xi[1], xi[2]
@@ -344,8 +355,8 @@ def _answer(d, load, lean, xi, pose, out, left):
 
 
 @compiled
-def _factor(bend, shift, lower):
-    """Cholesky's factor (25) of a matrix with a shift of its diagonal; whether it has one."""
+def _cholesky(bend, shift, lower):
+    """Cholesky factor (25) of a matrix with its diagonal shifted; returns whether it exists."""
     for i in range(WAYS):
         for j in range(i + 1):
             left = bend[WAYS * i + j] + (shift if i == j else 0.0)
@@ -361,8 +372,8 @@ def _factor(bend, shift, lower):
 
 
 @compiled
-def _half_solved(lower, right, solution):
-    """L^-1 times the right hand side."""
+def _solve_lower(lower, right, solution):
+    """Solve L y = right by forward substitution."""
     for i in range(WAYS):
         solution[i] = right[i]
         for k in range(i):
@@ -371,9 +382,9 @@ def _half_solved(lower, right, solution):
 
 
 @compiled
-def _solved(lower, right, solution):
-    """(L L^T)^-1 times the right hand side."""
-    _half_solved(lower, right, solution)
+def _solve_cholesky(lower, right, solution):
+    """Solve L L^T x = right."""
+    _solve_lower(lower, right, solution)
     for i in range(WAYS - 1, -1, -1):
         for k in range(i + 1, WAYS):
             solution[i] -= lower[WAYS * k + i] * solution[k]
@@ -382,7 +393,7 @@ def _solved(lower, right, solution):
 
 @compiled
 def _length(vector):
-    """Of five numbers."""
+    """Euclidean norm."""
     total = 0.0
     for x in vector:
         total += x * x
@@ -390,36 +401,46 @@ def _length(vector):
 
 
 @compiled
-def _step(bend, left, trust, lower, step, half):
-    """Down the energy as far as its curvature says, about `trust` at most; its length."""
+def _newton_step(bend, left, trust, lower, step, half):
+    """Newton step within about the radius `trust`, into `step`; returns its length.
+
+    The Hessian's diagonal is shifted until it is positive definite and the step short enough; the
+    shift follows Newton's iteration for the trust radius (J. J. More, D. C. Sorensen, SIAM J. Sci.
+    Stat. Comput. 4 (1983) 553-572).
+    """
     largest = 0.0
     for i in range(WAYS):
         largest = max(largest, abs(bend[WAYS * i + i]))
     least = _SINGULAR * max(largest, _length(left) / trust)
     shift = 0.0
     for _ in range(_MOST_SHIFTS):
-        if not _factor(bend, shift, lower):
+        if not _cholesky(bend, shift, lower):
             shift = max(4.0 * shift, least)
             continue
-        _solved(lower, left, step)
+        _solve_cholesky(lower, left, step)
         size = _length(step)
         if size <= 1.2 * trust:
             return size
-        _half_solved(lower, step, half)
+        _solve_lower(lower, step, half)
         bent = _length(half)
         shift += (size / trust - 1.0) * (size / bent) ** 2
     return size
 
 
 @compiled
-def _soften(d, load, xi, pose, out, bend, unit, soft):
-    """How xi changes with force and moment, from the balance of `_answer`; whether it can."""
+def _find_compliance(d, load, xi, pose, out, bend, unit, soft):
+    """Compliance d(xi)/d(force, moment), by linearising `_residual`; returns False where singular.
+
+    The Hessian alone is not the derivative: the cage's moment and the direction of the axis, by
+    which moments act on (a_x, a_y), change with xi, too.
+    """
     ax, ay, up = pose[5], pose[8], pose[11]
     gradient, turned = np.zeros(WAYS), np.zeros(WAYS)
     back, ratio = d[RATIO] * out[CAGE_SLOPE], d[RATIO]
     for i in range(3):
         gradient[i] = -out[i]
     gradient[3], gradient[4] = -(out[4] + back * ay) / up, (out[3] + back * ax) / up
+    # Derivative of the residual: the Hessian, and what the cage and the axis' direction add.
     turned[0], turned[1], turned[3], turned[4] = xi[1], -xi[0], ay, -ax
     fall = bend.copy()
     for j in range(WAYS):
@@ -435,7 +456,7 @@ def _soften(d, load, xi, pose, out, bend, unit, soft):
         fall[WAYS * 4 + j] -= back_by * ax / up + (back * ax - load[3]) * steeper
     fall[WAYS * 3 + 4] += back / up
     fall[WAYS * 4 + 3] -= back / up
-    # Solve for a force and a moment each, in units in which the numbers are of like size.
+    # Solve for unit forces and moments; `unit` makes the numbers of similar size.
     right = np.zeros(_SQUARE)
     for i in range(3):
         right[WAYS * i + i] = unit[i]
@@ -454,8 +475,8 @@ def _soften(d, load, xi, pose, out, bend, unit, soft):
 
 
 @compiled
-def _size(d, force, unit):
-    """Of xi at which a force changes much, (5,) [m, 1]."""
+def _scales(d, force, unit):
+    """Scale of each component of xi under a force, (5,) [m, 1]: free travel plus deflection."""
     exponent = ROLLER_EXPONENT if d[ROLLERS] != 0.0 else BALL_EXPONENT
     depth = (force / d[STIFFNESS]) ** (1.0 / exponent)
     h, up, last = d[ROW_PLACES], d[ROW_PLACES + 1], int(d[ROWS]) - 1
@@ -473,10 +494,13 @@ def _size(d, force, unit):
 
 
 @compiled
-def _search(d, load, lean, xi, unit, step, long, trust, room):
-    """How far along a step to go, as a multiple of it; the place there is left in `room`.
+def _line_search(d, load, lean, xi, unit, step, long, trust, room):
+    """Line search: returns the multiple of `step` to take, and leaves the trial there in `room`.
 
-    `room`: trial place xi, pose, answer of the elements, and what of the load is left there.
+    The derivative along the step decides: too far where it is reversed by more than `_CAREFUL`, too
+    short where more than `_IDLE` of it is left.
+
+    `room`: trial xi, pose, results of the elements, and residual.
     """
     trial, pose, out, left = room
     down, share, longer = 0.0, 1.0, True
@@ -487,7 +511,7 @@ def _search(d, load, lean, xi, unit, step, long, trust, room):
             trial[i] = xi[i] + share * unit[i] * step[i]
         after = -np.inf
         if (trial[3] + lean[0]) ** 2 + (trial[4] + lean[1]) ** 2 < _STEEPEST:
-            _answer(d, load, lean, trial, pose, out, left)
+            _residual(d, load, lean, trial, pose, out, left)
             after = 0.0
             for i in range(WAYS):
                 after += left[i] * unit[i] * step[i]
@@ -498,29 +522,29 @@ def _search(d, load, lean, xi, unit, step, long, trust, room):
             share *= _LONGER
             continue
         longer = False
-        share *= max(0.1, min(0.7, down / (down - after)))  # where the slope's line has its root
+        share *= max(0.1, min(0.7, down / (down - after)))  # root of the slope's secant
     return share
 
 
 @compiled
-def _find_rest(d, load, lean, aside, result):
-    """Where the ring rests under a load, into the numbers `result`; see `rests`.
+def _find_equilibrium(d, load, lean, aside, result):
+    """Find the equilibrium of the ring under a load, into `result`; see `rests`.
 
-    `aside`: how far beside the load's line the search begins, in sizes of `_size`.
+    `aside`: offset beside the load's line at which the search begins, in units of `_scales`.
     """
     xi, trial, best = np.zeros(WAYS), np.zeros(WAYS), np.zeros(WAYS)
     left, scaled, step, half = np.zeros(WAYS), np.zeros(WAYS), np.zeros(WAYS), np.zeros(WAYS)
     bend, lower, unit = np.zeros(_SQUARE), np.zeros(_SQUARE), np.zeros(WAYS)
     pose, out, matrix = np.zeros(12), np.zeros(ANSWERS), np.zeros(_SQUARE)
     lever = d[RADIUS]
-    size = _norm(load, lever)
-    _answer(d, load, lean, xi, pose, out, left)
-    _size(d, max(size, 1e-3 * out[SUM], 1e-9), unit)
+    size = _load_norm(load, lever)
+    _residual(d, load, lean, xi, pose, out, left)
+    _scales(d, max(size, 1e-3 * out[SUM], 1e-9), unit)
     if out[SUM] == 0.0:
         if size == 0.0:
             result[STATE] = 1.0
             return
-        # Centred, nothing bears: begin as far off as the load can push.
+        # Centred, no element bears load: begin off centre along the load.
         long = 0.0
         for i in range(WAYS):
             xi[i] = left[i] * unit[i]
@@ -529,10 +553,11 @@ def _find_rest(d, load, lean, aside, result):
             xi[i] *= unit[i] / math.sqrt(long)
         xi[0] -= aside * unit[0] * load[1] / size
         xi[1] += aside * unit[1] * load[0] / size
-        _answer(d, load, lean, xi, pose, out, left)
+        _residual(d, load, lean, xi, pose, out, left)
+    # Newton's method, in the scales `unit`; the best point is kept.
     trust, least = 1.0, np.inf
     for _ in range(_MOST_STEPS):
-        error = _norm(left, lever)
+        error = _load_norm(left, lever)
         if error < least:
             least = error
             for i in range(WAYS):
@@ -544,8 +569,9 @@ def _find_rest(d, load, lean, aside, result):
             scaled[i] = left[i] * unit[i]
             for j in range(WAYS):
                 matrix[WAYS * i + j] = bend[WAYS * i + j] * unit[i] * unit[j]
-        long = _step(matrix, scaled, trust, lower, step, half)
-        share = _search(d, load, lean, xi, unit, step, long, trust, (trial, pose, out, left))
+        long = _newton_step(matrix, scaled, trust, lower, step, half)
+        share = _line_search(d, load, lean, xi, unit, step, long, trust, (trial, pose, out, left))
+        # The trust radius follows the lengths of the steps taken.
         if share < 1.0:
             trust = 2.0 * share * long
         elif long > 0.9 * trust:
@@ -554,9 +580,9 @@ def _find_rest(d, load, lean, aside, result):
             xi[i] = trial[i]
     if least > _ACCEPTED * size + _ROUNDING * out[SUM]:
         return
-    _answer(d, load, lean, best, pose, out, left)
+    _residual(d, load, lean, best, pose, out, left)
     _curvature(d, pose, bend)
-    stiff = _soften(d, load, best, pose, out, bend, unit, result[SOFT:])
+    stiff = _find_compliance(d, load, best, pose, out, bend, unit, result[SOFT:])
     result[STATE] = 1.0 if stiff else -1.0
     for i in range(WAYS):
         result[i] = best[i]
@@ -566,39 +592,40 @@ def _find_rest(d, load, lean, aside, result):
 
 
 @compiled
-def _norm(load, lever):
-    """Of a force and two moments [N]."""
+def _load_norm(load, lever):
+    """Norm of a force and two moments, these divided by the lever arm [N]."""
     turning = (load[3] * load[3] + load[4] * load[4]) / (lever * lever)
     return math.sqrt(load[0] ** 2 + load[1] ** 2 + load[2] ** 2 + turning)
 
 
 @compiled
-def _rests(numbers, loads, cage, lean, results):
+def _find_equilibria(numbers, loads, cage, lean, results):
     bearing = numbers.copy()
     for i in range(loads.shape[0]):
         bearing[CAGE] = cage[i]
-        _find_rest(bearing, loads[i], lean[i], 0.0, results[i])
-        if results[i, STATE] == 0.0:  # it stays on the ridge between two places
-            _find_rest(bearing, loads[i], lean[i], _ASIDE, results[i])
+        _find_equilibrium(bearing, loads[i], lean[i], 0.0, results[i])
+        if results[i, STATE] == 0.0:  # the search stayed on the ridge between two minima
+            _find_equilibrium(bearing, loads[i], lean[i], _ASIDE, results[i])
 
 
 def rests(
     numbers: Sequence[float], loads: np.ndarray, cage: np.ndarray | float, lean: np.ndarray
 ) -> np.ndarray:
-    """Where the inner ring rests under loads (n, 5), each a force and moments about x and y [N m].
+    """Find the equilibrium of the inner ring under each of several loads.
 
     Args:
-        numbers: of the bearing (`resultant.bearing_numbers`).
-        loads: on the ring, in the axes of the outer one.
-        cage: azimuth of the first element (n,) [rad].
-        lean: what the outer ring leans by in its seat, x and y of its axis (n, 2).
+        numbers: parameters of the bearing (`resultant.bearing_numbers`).
+        loads: force [N] and moments about x and y [N m] on the ring, in the axes of the outer one,
+            shape (n, 5).
+        cage: azimuth of the first element, shape (n,) [rad].
+        lean: tilt of the outer ring in its seat, x and y of its axis, shape (n, 2).
 
     Returns:
-        `REST` numbers of each (n, REST): xi, 1 where it is a place of rest, -1 where it is one and
-        something is free to move there, which leaves out what follows, 0 where none was found;
-        the load in terms of xi; the compliance.
+        `REST` numbers each, shape (n, REST): xi; 1 for an equilibrium, -1 for one in which the ring
+        is free to move in some direction (no compliance then), 0 where none was found; the load by
+        xi, as the elements bear it; the compliance.
     """
     results = np.zeros((len(loads), REST))
     turns = np.broadcast_to(np.asarray(cage, float), len(loads)).copy()
-    _rests(np.array(numbers), np.ascontiguousarray(loads), turns, lean, results)
+    _find_equilibria(np.array(numbers), np.ascontiguousarray(loads), turns, lean, results)
     return results

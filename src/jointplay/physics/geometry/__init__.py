@@ -1,9 +1,9 @@
 """Geometry of clearance: gaps of a journal in its bearing (eqs 4-9, Table 1, Figure 2).
 
 The bearing frame has its origin at the bearing's centre and z along the bore; the journal frame
-likewise. A pose is the journal's centre and orientation in the bearing frame; of the orientation a
-cylinder needs its axis `a` only. The four possible contacts of a cylinder are, in this order
-everywhere in the package (`Shape` has the other shapes):
+is placed in the journal alike. A pose is the journal's centre and orientation in the bearing frame;
+of the orientation a cylinder needs only its axis `a`. The four possible contacts of a cylinder are,
+in this order everywhere in the package (`Shape` has the other shapes):
 
     0  radial at end A   rim of the journal's +z end against the bore
     1  radial at end B   rim of the journal's -z end against the bore
@@ -14,7 +14,7 @@ A gap is positive in free flight and negative in penetration. Each gap's gradien
 normal, and its rate is the normal velocity of the contact point, so contact forces do exactly the
 work that the change of the gap implies.
 
-Compiled functions (`contacts`) are imported with the first of them that is used.
+The compiled functions (`contacts`) are imported when the first of them is used.
 """
 
 import lazy_loader

@@ -1,4 +1,4 @@
-"""Gap, place and normal of one contact of a joint of any shape."""
+"""Gap, contact point and normal of one contact of a joint of any shape; modes and forms."""
 
 from __future__ import annotations
 
@@ -46,15 +46,15 @@ __all__ = [
     "worn_gap",
 ]
 
-# Kinds of joint that bring their own geometry: its compiled function is called by address.
+# A kind of joint may bring a geometry function of its own, compiled and called by address.
 #
-# Such a function gets the index of the contact, the pose of the journal in the bearing frame (its
-# centre, then its orientation row by row), and the joint's dimensions; it writes what
-# `geometry.touch` returns. `contact.machine_code.compiled_touch` makes one.
+# It gets the index of the contact, the pose of the journal in the bearing frame (its centre, then
+# its orientation row by row), and the joint's dimensions; it writes the seven numbers that `touch`
+# returns. `contact.machine_code.compiled_touch` makes one.
 
 
 POSE, ANSWER = 12, 7
-"""Numbers of a pose, and of what touching answers: gap, place (3), normal (3)."""
+"""Numbers of a pose, and of the result of `touch`: gap, contact point (3), normal (3)."""
 
 
 call_touch = calling_with_arrays(POSE, ANSWER)
@@ -62,16 +62,16 @@ call_touch = calling_with_arrays(POSE, ANSWER)
 
 @compiled
 def touch(shape, d, at, k, cx, cy, cz, r, first):
-    """Gap, place and normal of contact k of a joint.
+    """Gap, contact point and normal of contact k of a joint.
 
     Args:
-        shape: value of a `Shape`, or the address of a function of the joint's own.
+        shape: value of a `Shape`, or the address of the joint's own function.
         d, at: array in which the joint's dimensions begin at index `at`.
         k: index of the contact.
         cx, cy, cz: journal centre in the bearing frame [m].
         r, first: array in which the orientation of the journal frame in the bearing frame begins at
-            index `first`, nine elements row by row. A cylinder needs its third column only, a
-            ball none.
+            index `first`, nine elements row by row. A cylinder needs only its third column, a ball
+            none.
 
     Returns:
         gap [m], the contact point's offset from the journal's centre (3) [m], and the unit normal
@@ -84,6 +84,8 @@ def touch(shape, d, at, k, cx, cy, cz, r, first):
         aligned = shape == _WORN_ALIGNED
         ax, ay, az = r[first + 2], r[first + 5], r[first + 8]
         if k < (1 if aligned else 2):
+            # Radial contacts of a worn bore, each end with its own profile; then the rim's point
+            # that is farthest in the direction u.
             reach = 0.0 if aligned else (1.0 - 2.0 * k) * d[at + 3]
             profile = at + 4
             if k == 1:
@@ -97,6 +99,7 @@ def touch(shape, d, at, k, cx, cy, cz, r, first):
         if not aligned:
             return touch_cylinder(k, cx, cy, cz, ax, ay, az, d[at], d[at + 1], d[at + 2], d[at + 3])
     if shape == _BLOCK:
+        # A corner of the block against one wall of the guide.
         place = at + 2 + 5 * k
         px, py, pz = d[place], d[place + 1], d[place + 2]
         ox = r[first] * px + r[first + 1] * py + r[first + 2] * pz
@@ -107,6 +110,7 @@ def touch(shape, d, at, k, cx, cy, cz, r, first):
             return d[at] - side * (cx + ox), ox, oy, oz, -side, 0.0, 0.0
         return d[at + 1] - side * (cy + oy), ox, oy, oz, 0.0, -side, 0.0
     if shape in (_ALIGNED_CYLINDER, _WORN_ALIGNED) and k > 0:
+        # The whole end face against its wall.
         side = 3.0 - 2.0 * k
         oz = side * d[at + 3]
         return d[at + 2] - side * (cz + oz), 0.0, 0.0, oz, 0.0, 0.0, -side
@@ -182,11 +186,15 @@ def classify_form(gap, normal, face_drop) -> int:
 def classify_many(
     shape: int, dimensions: np.ndarray, count: int, poses: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Gaps (n, count) [m], modes (n,) and forms (n,), as int8, of many poses.
+    """Gaps (n, count) [m], modes (n,) and forms (n,), the last two as int8, of many poses.
 
-    `shape`: value of a `Shape`, or the address of a kind's own touch; `dimensions` of the joint,
-    and `count` of its contacts; `poses` (n, 12), journal centre [m], then its orientation row by
-    row, in the bearing frame. The form is -1 for joints that Figure 2 does not show.
+    Args:
+        shape: value of a `Shape`, or the address of a kind's own function.
+        dimensions: dimensions of the joint, as `touch` takes them.
+        count: number of its contacts.
+        poses: journal centre [m], then its orientation row by row, in the bearing frame, (n, 12).
+
+    The form is -1 for joints that Figure 2 does not show.
     """
     n = len(poses)
     gaps, modes, forms = np.empty((n, count)), np.empty(n, np.int8), np.full(n, -1, np.int8)
@@ -196,7 +204,7 @@ def classify_many(
 
 @compiled
 def _classify(shape, dimensions, poses, normal, gaps, modes, forms):
-    """Do what `classify_many` does; `normal` is room."""
+    """Fill `gaps`, `modes` and `forms` for `classify_many`; `normal` is scratch room."""
     count = gaps.shape[1]
     for i in range(poses.shape[0]):
         pose, gap = poses[i], gaps[i]

@@ -1,9 +1,9 @@
-"""A plane curve through points, and where it is nearest to a point.
+"""Plane curves through points, and the point of a curve nearest to a given one.
 
-The curve is the cubic spline through its points, its parameter the length of the chords between
+The curve is the cubic spline through its points, parametrised by the length of the chords between
 them: periodic if it is closed, else natural, so that beyond its ends it goes on straight without a
-jump of curvature. `Curve.numbers` writes it down for `nearest_on_curve`, in pieces so short that
-each node's neighbourhood has one nearest point.
+jump of curvature. `Curve.numbers` writes it as a flat array for `nearest_on_curve`, in pieces so
+short that each has one nearest point.
 """
 
 from __future__ import annotations
@@ -20,25 +20,26 @@ from jointplay.base.errors import JointplayError
 from jointplay.base.units import readable
 
 _TURN = 0.25
-"""Most that a piece turns [rad]: its circle is then 0.8 % of its length off its chord (judged)."""
+"""Largest change of direction within a piece [rad]: an arc is then 0.8 % of its length off its
+chord (judged)."""
 _PIECE = 10
-"""Numbers of a piece: its end's parameter, its length, four coefficients of x and of y."""
+"""Numbers of a piece: range of its parameter, its length, four coefficients of x and of y."""
 _SAMPLES = 32
-"""Places on each interval between points at which its turning is looked at (judged); where there
-are many points fewer,"""
+"""Most samples on each interval between points, at which direction and curvature are evaluated
+(judged)."""
 _MOST_SAMPLES = 2000
-"""about so many in all (judged)."""
+"""Most samples in all, about, where there are many points (judged)."""
 _LONGER = 1.05
-"""By which a piece may be longer than its largest speed at `_SAMPLES` places says (judged)."""
+"""Margin of a piece's length over that from its largest speed at `_SAMPLES` samples (judged)."""
 MOST_PIECES = 5000
-"""Pieces that are searched in each step; a finer curve is refused."""
+"""Most pieces, as all are searched in each step; a finer curve is refused."""
 
 
 class Curve:
-    """The curve through points (n, 2) [m].
+    """A smooth curve through points (n, 2) [m], open or closed.
 
     Raises:
-        JointplayError: too few points, two next to each other in one place, a curve that crosses
+        JointplayError: too few points, two successive points that coincide, or a curve that crosses
             itself; the message names the place.
     """
 
@@ -74,7 +75,7 @@ class Curve:
         self._refuse_crossing()
 
     def at(self, parameter: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Places, unit tangents (n, 2) and curvatures (n,), positive to the left [m, 1/m]."""
+        """Points [m] and unit tangents (n, 2), and curvatures (n,), positive to the left [1/m]."""
         first, second = self.spline(parameter, 1), self.spline(parameter, 2)
         speed = np.linalg.norm(first, axis=1)
         turn = first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]
@@ -82,35 +83,35 @@ class Curve:
 
     @cached_property
     def dense(self) -> np.ndarray:
-        """Parameters of many places, up to `_SAMPLES` on each interval between points."""
+        """Parameters of dense samples, up to `_SAMPLES` on each interval between points."""
         each = min(max(_MOST_SAMPLES // len(self.parameters), 4), _SAMPLES)
         pieces = [np.linspace(a, b, each, endpoint=False) for a, b in pairwise(self.parameters)]
         return np.concatenate([*pieces, self.parameters[-1:]])
 
     @property
     def length(self) -> float:
-        """[m]."""
+        """Arc length [m]."""
         speed = np.linalg.norm(self.spline(self.dense, 1), axis=1)
         return float(np.trapezoid(speed, self.dense))
 
     @property
     def mean_curvature(self) -> float:
-        """Its turning, positive to the left, over its length [1/m]."""
+        """Change of direction, positive to the left, over arc length [1/m]."""
         _, tangents, _ = self.at(self.dense)
         heading = np.unwrap(np.arctan2(tangents[:, 1], tangents[:, 0]))
         return float(heading[-1] - heading[0]) / self.length
 
     def sharpest(self) -> tuple[float, float, np.ndarray, np.ndarray]:
-        """Largest curvature to the left and to the right [1/m], and where (2) each."""
+        """Largest curvature to the left and to the right [1/m], and the points of both (2)."""
         places, _, bend = self.at(self.dense)
         left, right = int(np.argmax(bend)), int(np.argmin(bend))
         return float(bend[left]), float(-bend[right]), places[left], places[right]
 
     def narrowest(self, left: bool, right: bool) -> tuple[float, np.ndarray]:
-        """Least distance of two places where the curve comes back beside itself, and where (2).
+        """Smallest distance at which the curve passes itself after turning back, and the point (2).
 
-        It has turned back by then, by nine tenths of half a turn. With `left` or `right` alone
-        what lies on the other side does not count. Infinite if it does not come back.
+        Only points between which it has turned by at least nine tenths of half a turn count, and
+        with `left` or `right` alone only those on that side. Infinite if it never turns back so.
         """
         places, tangents, _ = self.at(self.dense)
         heading = np.unwrap(np.arctan2(tangents[:, 1], tangents[:, 0]))
@@ -127,6 +128,7 @@ class Curve:
         return float(distance[i].min()), places[i]
 
     def _refuse_crossing(self) -> None:
+        """Raise where two chords between dense samples, not successive, intersect."""
         line = self.spline(self.dense)
         start, step = line[:-1], np.diff(line, axis=0)
         count = len(start)
@@ -134,7 +136,7 @@ class Curve:
             others = slice(i + 2, count - 1 if self.closed and i == 0 else count)
             between = start[others] - start[i]
             cross = step[i, 0] * step[others, 1] - step[i, 1] * step[others, 0]
-            # Of parallel steps roundoff is left, 1e-16 of their lengths; they cross nowhere.
+            # The cross product of parallel chords is rounding, 1e-16 of their lengths: no crossing.
             lengths = np.linalg.norm(step[others], axis=1) * np.linalg.norm(step[i])
             cross[np.abs(cross) <= 1e-14 * lengths] = np.nan
             with np.errstate(invalid="ignore"):
@@ -146,13 +148,13 @@ class Curve:
                 raise JointplayError(f"the curve crosses itself at {place_words(where)}")
 
     def numbers(self, longest: float) -> tuple[float, ...]:
-        """What `nearest_on_curve` takes, no piece longer than `longest` [m].
+        """Parameters of the curve for `nearest_on_curve`, no piece longer than `longest` [m].
 
-        Number of nodes, 1 if it is closed; x and y of the nodes; then the pieces between them,
-        `_PIECE` numbers each.
+        Number of nodes, 1 if the curve is closed; x and y of the nodes; then the pieces between
+        them, `_PIECE` numbers each.
 
         Raises:
-            JointplayError: more than `MOST_PIECES`.
+            JointplayError: more than `MOST_PIECES` pieces.
         """
         cuts: list[float] = []
         lengths: list[float] = []
@@ -182,16 +184,16 @@ class Curve:
 
 
 def place_words(point: np.ndarray) -> str:
-    """A place in words, to a nanometre: less is rounding."""
+    """Format a point for messages, rounded to a nanometre."""
     x, y = (readable(round(float(along), 9) + 0.0, "m") for along in point)
     return f"({x}, {y})"
 
 
 @compiled
 def _nearest_on_piece(d, at, px, py):
-    """Place (2) on a piece that is nearest to (px, py), the curve's derivative there (2), and u.
+    """Point (2) of a piece nearest to p = (px, py), the curve's derivative there (2), and u.
 
-    (P(u) - p).P'(u) = 0 by Newton's method, which bisection keeps on the piece.
+    (P(u) - p).P'(u) = 0 by Newton's method, safeguarded by bisection.
     """
     h = d[at]
     x0, x1, x2, x3 = d[at + 2], d[at + 3], d[at + 4], d[at + 5]
@@ -223,9 +225,10 @@ def _nearest_on_piece(d, at, px, py):
 
 @compiled
 def nearest_on_curve(d, at, px, py):
-    """Where the curve, whose numbers (`Curve.numbers`) begin at d[at], is nearest to (px, py).
+    """Find the point of a curve nearest to (px, py); its `Curve.numbers` begin at d[at].
 
-    The nearest node first; then every piece that begins so near that it can come nearer.
+    The nearest node gives a bound; then every piece is searched that begins near enough to come
+    nearer.
 
     Returns the signed distance, positive where the point is left of the curve [m], the unit
     direction of the curve there (2), and how far beyond an end of an open curve the point lies,

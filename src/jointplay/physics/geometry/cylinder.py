@@ -24,8 +24,8 @@ def deepest_rim_direction(pt: float, pn: float, sin_tilt: float, cos_tilt: float
 
         sin(delta) = kappa sin(2 alpha + 2 delta),   kappa = R sin(tilt)^2 / (2 |(x, y)|)
 
-    which Newton's method solves, its slope kept, from where the equation's third order leads. Where
-    kappa is not small the root is bisected.
+    It is solved by Newton's method with the slope at delta = 0, starting from the expansion to
+    third order; where kappa is not small, by bisection.
 
     Returns (cos phi, sin phi).
     """
@@ -43,7 +43,7 @@ def deepest_rim_direction(pt: float, pn: float, sin_tilt: float, cos_tilt: float
     kappa = 0.5 * bulge * inverse
     if kappa < 0.05:
         twice_sin, twice_cos = 2.0 * kappa * s * c, 2.0 * kappa * (c * c - s * s)
-        relief = 1.0 + twice_cos + twice_cos * twice_cos  # of 1 / (1 - twice_cos)
+        relief = 1.0 + twice_cos + twice_cos * twice_cos  # about 1 / (1 - twice_cos)
         turn = twice_sin * relief
         cubic = turn * turn * (2.0 * twice_sin + 0.5 * twice_cos * turn)
         turn -= relief * (cubic - twice_sin * twice_cos * twice_cos * twice_cos)
@@ -53,7 +53,8 @@ def deepest_rim_direction(pt: float, pn: float, sin_tilt: float, cos_tilt: float
             wrong = turn - twice_sin * (1.0 - 2.0 * turn * turn) - twice_cos * turn * across
             across += turn * wrong * relief
             turn -= wrong * relief
-            if abs(wrong) * kappa * kappa < 1e-18:  # an iteration leaves about 4 kappa^2 of it
+            # The error left is about 4 kappa^2 of the last.
+            if abs(wrong) * kappa * kappa < 1e-18:
                 break
         c, s = c * across - s * turn, s * across + c * turn
     else:
@@ -72,7 +73,7 @@ def deepest_rim_direction(pt: float, pn: float, sin_tilt: float, cos_tilt: float
 
 @compiled
 def _tilt_of(ax, ay):
-    """Sine of an axis' tilt, and the direction in which it leans (2)."""
+    """Sine of an axis' tilt, and the unit direction of the tilt across the bore (2)."""
     sin_tilt = math.sqrt(ax * ax + ay * ay)
     if sin_tilt > 1e-15:
         return sin_tilt, ax / sin_tilt, ay / sin_tilt
@@ -81,7 +82,7 @@ def _tilt_of(ax, ay):
 
 @compiled
 def _rim_gap(px, py, az, tilt, bore_radius, journal_radius):
-    """Gap of a rim whose axis has the `tilt` (`_tilt_of`); see `radial_gap`."""
+    """Gap of a rim, given the tilt of its axis (`_tilt_of`); see `radial_gap`."""
     sin_tilt, tx, ty = tilt
     c, s = deepest_rim_direction(px * tx + py * ty, py * tx - px * ty, sin_tilt, az, journal_radius)
     along = journal_radius * c * az
@@ -124,14 +125,14 @@ def axial_gap(pz, ax, ay, az, side, half_bore_length, journal_radius):
     """Gap between one rim of the journal and the end wall on the same `side` (+1 or -1).
 
     pz is the end centre's height [m]. The deepest point of the rim stands R_j sin(tilt) above the
-    end centre (eq. 5; eq. 6 for parallel axes). At zero tilt the whole face touches and the
+    end centre (eq. 5; eq. 6 for parallel axes). At zero tilt the whole face touches, and the
     deepest point would jump from one side of the rim to the other, and the force's moment with it.
-    The face is therefore given an edge rounded over EPS = 1e-7 m:
+    The face is therefore given an edge rounded over EPS = 1e-7 m (`EDGE_ROUNDING_M`):
 
         height = sqrt((R_j sin(tilt))^2 + EPS^2) - EPS
 
-    which moves the gap by at most EPS, is exact for parallel axes, and lets the contact point
-    travel continuously from the rim through the centre of the face as its true gradient.
+    which changes the gap by at most EPS, is exact for parallel axes, and lets the contact point
+    move continuously from the rim through the centre of the face, as the gradient requires.
 
     Returns the gap [m] and the contact point's offset from the end centre (3) [m].
     """
@@ -141,7 +142,7 @@ def axial_gap(pz, ax, ay, az, side, half_bore_length, journal_radius):
 
 @compiled
 def touch_cylinder(k, cx, cy, cz, ax, ay, az, ri, rj, half_li, half_lj):
-    """Gap, place and normal of contact k of a cylinder; see `touch`.
+    """Gap, contact point and normal of contact k of a cylinder; see `touch`.
 
     (cx, cy, cz) is the journal's centre [m], (ax, ay, az) its axis, both in the bearing frame.
     """
@@ -157,7 +158,7 @@ def touch_cylinder(k, cx, cy, cz, ax, ay, az, ri, rj, half_li, half_lj):
 
 @compiled
 def touch_rims(cx, cy, cz, ax, ay, az, ri, rj, half_li, half_lj):
-    """What `touch_cylinder` gives for both rims (contacts 0 and 1), at less than twice the cost."""
+    """Results of `touch_cylinder` for both rims (contacts 0, 1), at less than twice the cost."""
     tilt = _tilt_of(ax, ay)
     ex, ey, ez = half_lj * ax, half_lj * ay, half_lj * az
     gap, ox, oy, oz, nx, ny = _rim_gap(cx + ex, cy + ey, az, tilt, ri, rj)
@@ -168,7 +169,7 @@ def touch_rims(cx, cy, cz, ax, ay, az, ri, rj, half_li, half_lj):
 
 @compiled
 def touch_faces(cx, cy, cz, ax, ay, az, ri, rj, half_li, half_lj):
-    """The same for both end faces (contacts 2 and 3)."""
+    """Results of `touch_cylinder` for both end faces (contacts 2, 3)."""
     height, ox, oy, oz = _face_point(ax, ay, az, rj)
     ex, ey, ez = half_lj * ax, half_lj * ay, half_lj * az
     end_a = half_li - (cz + ez) - height, ex - ox, ey - oy, ez - oz, 0.0, 0.0, -1.0
@@ -177,10 +178,10 @@ def touch_faces(cx, cy, cz, ax, ay, az, ri, rj, half_li, half_lj):
 
 @compiled
 def clear_of_cylinder(k, cx, cy, cz, ax, ay, az, ri, rj, half_li, half_lj):
-    """Whether contact k of a cylinder cannot touch, as far as centre and tilt alone tell.
+    """Whether a bound from centre and tilt alone shows that contact k does not touch.
 
-    A rim reaches no farther than its centre and its radius together, a face no higher than R_j
-    sin(tilt) above its centre: that is known without a root or division.
+    A rim reaches no farther out than its centre plus its radius, a face no higher than R_j
+    sin(tilt) above its centre. Neither needs a root or a division.
     """
     side = 1.0 - 2.0 * (k & 1)
     if k < 2:
@@ -190,14 +191,14 @@ def clear_of_cylinder(k, cx, cy, cz, ax, ay, az, ri, rj, half_li, half_lj):
     return room > 0.0 and rj * rj * (ax * ax + ay * ay) < room * room
 
 
-# Gaps in a bore that wear has made out of round.
+# Gaps in a worn bore, which is out of round.
 
 
 def worn_bore(depths: np.ndarray) -> tuple[float, ...]:
-    """Numbers by which `worn_gap` knows a bore worn by `depths` at equal azimuths, shape (n,) [m].
+    """Parameters of a worn bore for `worn_gap`, from depths at equal azimuths, shape (n,) [m].
 
-    The number of azimuths; then for each the depth, its cubic B-spline's value there, and the
-    azimuth's cosine and sine.
+    The number of azimuths; then for each the depth (coefficient of the B-spline), the spline's
+    value there, and the azimuth's cosine and sine.
     """
     n = len(depths)
     azimuths = 2.0 * np.pi * np.arange(n) / n
@@ -208,9 +209,9 @@ def worn_bore(depths: np.ndarray) -> tuple[float, ...]:
 
 @compiled
 def _least_near(node, px, py, ax, ay, d, at, journal_radius):
-    """Least of g(u) - R_i between the neighbours of a node, and its u (2); see `worn_gap`.
+    """Minimum of g(u) - R_i between the neighbours of a node, and its u (2); see `worn_gap`.
 
-    Newton's method, kept between the neighbours by bisection.
+    Newton's method, safeguarded by bisection.
     """
     n = int(d[at])
     spacing = 2.0 * math.pi / n
@@ -222,7 +223,7 @@ def _least_near(node, px, py, ax, ay, d, at, journal_radius):
     low, high, t = -1.0, 1.0, 0.0
     wear, c, s, root = 0.0, 1.0, 0.0, 1.0
     for _ in range(40):
-        # The four depths that shape the spline about t, and how far t is in their middle interval.
+        # The four coefficients that shape the spline about t, and t's fraction of their interval.
         if t < 0.0:
             b0, b1, b2, b3, x = w0, w1, w2, w3, t + 1.0
         else:
@@ -270,18 +271,19 @@ def _least_near(node, px, py, ax, ay, d, at, journal_radius):
 def worn_gap(px, py, ax, ay, d, at, bore_radius, journal_radius):
     """Gap between a rim of the journal and a worn bore.
 
-    The bore is what its supporting planes leave: the points x with x.u <= R_i + w(u) for all
-    directions u across its axis, w being the worn depth, a periodic cubic B-spline through which
-    the rim sees no nodes. A rim with the axis `a` and the centre p reaches p.u + R_j |u - (u.a) a|
-    in the direction u, so the gap is the minimum of
+    The bore is described by its supporting planes: the points x with x.u <= R_i + w(u) for all
+    directions u across its axis. The worn depth w is a periodic cubic B-spline, smooth across its
+    nodes. A rim with the axis `a` and the centre p reaches p.u + R_j |u - (u.a) a| in the direction
+    u, so the gap is the minimum of
 
         g(u) = R_i + w(u) - p.u - R_j sqrt(1 - (u.a)^2)
 
-    and its gradient -u: contact forces do exactly the work that the change of the gap implies. For
-    constant w this is `radial_gap` of a wider bore. The minimum is sought about the two lowest
-    nodes that are lower than their neighbours, for their order between the nodes may differ.
-    Depths that jump by tens of micrometres from azimuth to azimuth may have two minima about one
-    node: of 6000 gaps, jumps of up to 5 µm left none, of 20 µm nine (1.1 µm off at most).
+    and its gradient by p is -u: contact forces do exactly the work that the change of the gap
+    implies. For constant w this is `radial_gap` of a wider bore. The minimum is sought about the
+    two lowest nodes that are lower than their neighbours, for between the nodes their order may
+    differ. Depths that jump by tens of micrometres from azimuth to azimuth may have two minima
+    about one node: of 6000 gaps, jumps of up to 5 µm led to no wrong one, of 20 µm to nine (off by
+    1.1 µm at most).
 
     Returns the gap [m] and the direction u (2) at which it is found.
     """

@@ -1,11 +1,12 @@
-"""Words of geometry: shapes of journals in their bearings, their contacts, modes and forms."""
+"""Shapes of journals in their bearings, and the modes and forms of contact."""
 
 from __future__ import annotations
 
 from enum import IntEnum
 
 EDGE_ROUNDING_M = 1e-7
-"""Height over which a flat end face passes to edge contact; see `axial_gap`."""
+"""Rounding of a flat end face's edge, over which face contact passes to edge contact [m]; see
+`axial_gap`."""
 CONTACT_TOLERANCE_M = 1e-7
 """A gap within this of zero counts as continuous contact: the paper's integration tolerance."""
 
@@ -22,8 +23,8 @@ class Shape(IntEnum):
     WORN_ALIGNED_CYLINDER  as ALIGNED_CYLINDER, then `worn_bore`
     ROLLING            elements between two rings, `contact.rolling`: no contact of `touch`
 
-    Where a shape is asked for, a kind of joint may give the address of its own function instead
-    (`contacts`): all numbers above the last of these are taken for one.
+    In place of a shape, a kind of joint may give the address of a geometry function of its own
+    (`contacts`): any number above the last of these is taken as an address.
     """
 
     CYLINDER = 0
@@ -40,9 +41,9 @@ class Shape(IntEnum):
 ) = (int(shape) for shape in Shape)  # fmt: skip
 
 LAST_SHAPE = int(max(Shape))
-"""Numbers above are addresses."""
+"""Largest value of a `Shape`; numbers above it are addresses."""
 _WORN_NODE = 4
-"""Numbers of `worn_bore` for each azimuth."""
+"""Numbers per azimuth in `worn_bore`."""
 
 
 class Mode(IntEnum):

@@ -24,7 +24,6 @@ from jointplay.physics.joints.compliance import (
     CompliantMount,
     CompliantSlider,
     SeatParts,
-    hinge_of_beam,
     parts_of_seat,
 )
 from jointplay.physics.joints.cylindrical import CylindricalClearance
@@ -77,5 +76,5 @@ __all__ = [
     "CrossedRollerBearing", "CylindricalClearance", "Elasticity", "Fit", "GrooveClearance",
     "Material", "Outline", "PrismaticClearance", "RevoluteClearance", "RollingBearing",
     "RoundClearance", "SeatParts", "SlidingClearance", "SphericalClearance", "class_of",
-    "hinge_of_beam", "parts_of_seat", "replacing",
+    "parts_of_seat", "replacing",
 ]  # fmt: skip

@@ -22,7 +22,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache, partial
-from typing import Any, ClassVar, NamedTuple, NoReturn, Self
+from typing import Any, ClassVar, NamedTuple, NoReturn
 
 import numpy as np
 
@@ -193,24 +193,6 @@ class BearingRest(NamedTuple):
     """Derivative of the displacement by force and moment, shape (6, 6) [m/N, rad/N, rad/(N m)],
     zero for the moment about the axis. None: the ring is free, or nearly free, in some direction.
     """
-
-    @classmethod
-    def of(cls, xi: np.ndarray, compliance: np.ndarray, stiff: bool) -> Self:
-        """From the centre and the axis' components across the outer ring's, (5,), and their
-        compliance (5, 5).
-        """
-        x, y = lean = xi[3:]
-        sine = math.hypot(x, y)
-        angle = math.asin(sine)
-        place, soft, across = np.zeros(6), np.zeros((6, 6)), np.array([[0.0, -1.0], [1.0, 0.0]])
-        longer = angle / sine if sine > 0.0 else 1.0
-        # Derivative of angle / sine by the sine, over the sine: a third near zero.
-        growing = (1.0 / math.cos(angle) - longer) / sine**2 if sine > 1e-4 else 1.0 / 3.0
-        place[:3], place[3:5] = xi[:3], longer * across @ lean
-        soft[:3, :5] = compliance[:3]
-        turned = across @ (longer * np.eye(2) + growing * np.outer(lean, lean))
-        soft[3:5, :5] = turned @ compliance[3:]
-        return cls(place, soft if stiff else None)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -571,16 +553,13 @@ class RollingBearing(WholeLawJoint):
             raise JointplayError(f"a displacement has six finite components, got {displacement!r}")
         import pinocchio as pin  # not needed to check a scenario
 
-        turn = self.cage_angle if cage is None else cage
-        return self._state(xi[:3], pin.exp3(xi[3:]), turn)
-
-    def _state(self, centre: np.ndarray, axes: np.ndarray, cage: float) -> BearingState:
-        """Forces in the bearing at a pose of its inner ring, centre (3,) and axes (3, 3)."""
         from jointplay.physics.contact.elastic import answers
 
+        turn = self.cage_angle if cage is None else cage
+        centre, axes = xi[:3], pin.exp3(xi[3:])
         pose = np.concatenate([centre, axes.ravel()])[None]
-        out = answers(self.law, self.resultant, pose, cage)[0]
-        loads, angles = self.element_loads(centre, axes[:, 2], cage)
+        out = answers(self.law, self.resultant, pose, turn)[0]
+        loads, angles = self.element_loads(centre, axes[:, 2], turn)
         stiffness = out[resultant.TANGENT : resultant.ANSWERS].reshape(6, 6).copy()
         return BearingState(out[:6].copy(), float(out[resultant.ENERGY]), loads, angles, stiffness)
 
@@ -621,7 +600,19 @@ class RollingBearing(WholeLawJoint):
                 f"a bearing bears no moment about its axis, got {load[5]:g} N m", where=("moment",)
             )
         (xi,), (soft,), (state,) = self._at_rest(load[None], cage)
-        return BearingRest.of(xi, soft, state > 0.0)
+        # The lean, the axis' components across the outer ring's, as a rotation vector.
+        x, y = lean = xi[3:]
+        sine = math.hypot(x, y)
+        angle = math.asin(sine)
+        place, compliance = np.zeros(6), np.zeros((6, 6))
+        longer = angle / sine if sine > 0.0 else 1.0
+        # Derivative of angle / sine by the sine, over the sine: a third near zero.
+        growing = (1.0 / math.cos(angle) - longer) / sine**2 if sine > 1e-4 else 1.0 / 3.0
+        across = np.array([[0.0, -1.0], [1.0, 0.0]])
+        place[:3], place[3:5] = xi[:3], longer * across @ lean
+        turned = across @ (longer * np.eye(2) + growing * np.outer(lean, lean))
+        compliance[:3, :5], compliance[3:5, :5] = soft[:3], turned @ soft[3:]
+        return BearingRest(place, compliance if state > 0.0 else None)
 
     def rests(
         self, loads: np.ndarray, cage: np.ndarray | float | None = None
@@ -828,15 +819,10 @@ class RollingBearing(WholeLawJoint):
         return 0.05 * self.d_element
 
     @property
-    def span(self) -> float:
-        """Axial distance of the rows' centres [m]."""
-        places = [h for h, _ in self.row_places]
-        return max(places) - min(places)
-
-    @property
     def outline(self) -> Outline:
         across, along, _ = self._reach
-        half = 0.5 * (self.span + (self.row_width or self.d_element))
+        places = [h for h, _ in self.row_places]
+        half = 0.5 * (max(places) - min(places) + (self.row_width or self.d_element))
         radius = 0.5 * self.d_pitch
         return Outline("cylinder", (radius, radius, half), (across, across, along), walls=True)
 

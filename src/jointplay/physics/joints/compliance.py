@@ -76,10 +76,6 @@ class _Held(base.WholeLawJoint):
         return ContactProperties(float(np.diag(self.elasticity.stiffness)[:2].max()), 1.0)
 
     @property
-    def clearances(self) -> dict[str, float]:
-        return {}
-
-    @property
     def radial_travel(self) -> float:
         return 0.0
 
@@ -210,20 +206,6 @@ class CompliantMount(_Held):
         return self.outline.size[0] ** 2 / float(np.diag(self.elasticity.stiffness)[3:5].max())
 
 
-def hinge_of_beam(
-    stiffness: np.ndarray, damping_time: float, locked: tuple[str, ...]
-) -> CompliantMount:
-    """The hinge between two pieces of a flexible link, z along the beam.
-
-    Args:
-        stiffness: along x, y, z [N/m] and about them [N m/rad], (6,).
-        damping_time: damping over stiffness [s].
-        locked: directions in which it is rigid; see `CompliantMount`.
-    """
-    springs = Elasticity(matrix=np.diag(stiffness).tolist(), damping_time=damping_time)
-    return CompliantMount(elasticity=springs, locked=locked)
-
-
 # The bush of a joint in a seat is a body of its own. A contact needs a body to push against: unlike
 # the rings of rolling bearings, surfaces in the time loop cannot belong to a massless body.
 
@@ -272,12 +254,10 @@ def parts_of_seat(joint: base.Clearance) -> SeatParts | None:
 def _solid(outline: base.Outline, half: np.ndarray) -> tuple[float, np.ndarray]:
     """Volume [m^3] and moments of inertia at density 1 [m^5] of a body with these half extents."""
     x, y, z = half
-    if outline.form == "ball":
-        volume = 4.0 / 3.0 * math.pi * x * y * z
-        return volume, volume / 5.0 * np.array([y * y + z * z, x * x + z * z, x * x + y * y])
-    if outline.form == "block":
-        volume = 8.0 * x * y * z
-        return volume, volume / 3.0 * np.array([y * y + z * z, x * x + z * z, x * x + y * y])
-    volume = 2.0 * math.pi * x * y * z
-    across = x * x / 4.0 + z * z / 3.0
-    return volume, volume * np.array([across, across, x * x / 2.0])
+    if outline.form == "cylinder":
+        volume = 2.0 * math.pi * x * y * z
+        across = x * x / 4.0 + z * z / 3.0
+        return volume, volume * np.array([across, across, x * x / 2.0])
+    whole, part = (4.0 / 3.0 * math.pi, 5.0) if outline.form == "ball" else (8.0, 3.0)
+    volume = whole * x * y * z
+    return volume, volume / part * np.array([y * y + z * z, x * x + z * z, x * x + y * y])

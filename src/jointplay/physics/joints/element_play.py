@@ -263,7 +263,6 @@ class ElementPlay(Play):
         return np.column_stack([loads[:, :3], loads[:, 4], -loads[:, 3]]) * self._units
 
     def support(self, loads: np.ndarray) -> Support:
-        loads = np.asarray(loads, float).reshape(-1, 6)
         point = np.zeros((len(loads), 6))
         if not self.empty:
             walls, centres, rooms = self._walls
@@ -279,7 +278,6 @@ class ElementPlay(Play):
         return Support(np.einsum("ij,ij->i", loads, point), point)
 
     def pressed(self, loads: np.ndarray, point: np.ndarray) -> Pressed:
-        loads = np.asarray(loads, float).reshape(-1, 6)
         walls, centres, rooms = self._walls
         n, k = len(loads), len(walls)
         normal, forces = np.zeros((n, k, 6)), np.zeros((n, k))

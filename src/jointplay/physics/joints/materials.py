@@ -82,10 +82,7 @@ class WearPair:
 
 def wear_pairs() -> list[tuple[str, str]]:
     """Pairs that `wear_pair` knows: the body that wears, the one it slides on."""
-    return [
-        (first, second)
-        for first, second in (p["bodies"] for p in shipped_table(__file__, "wear")["pair"])
-    ]
+    return [(p["bodies"][0], p["bodies"][1]) for p in shipped_table(__file__, "wear")["pair"]]
 
 
 def wear_pair(worn: str, counterface: str) -> WearPair:

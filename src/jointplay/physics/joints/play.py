@@ -35,8 +35,9 @@ _TOUCHES = 1.0 - 1e-6
 exact up to rounding, and margins of 1e-10 to 1e-5 give the same contacts for 30,000 loads."""
 DRAWS = 4000
 """States drawn for the covariance of a play."""
-_FAR = 100.0
-"""Travel along its axis, in clearances, of a journal without end walls in `Play.cones`."""
+FAR = 100.0
+"""Distance of a stand-in end of a journal without end walls, in clearances across, where loops tie
+plays to each other: a tool that is moved by the way to it is refused."""
 
 
 class Support(NamedTuple):
@@ -189,7 +190,7 @@ class JournalPlay(Play):
     @property
     def cones(self) -> Cones:
         """In coordinates of the rims' centres, and of the axial displacement if there is any."""
-        axial = _FAR * self.across if math.isinf(self.along) else self.along
+        axial = FAR * self.across if math.isinf(self.along) else self.along
         leans = not math.isinf(self.length)
         count = (4 if leans else 2) + (axial > 0.0)
         spread, nothing = np.zeros((6, count)), np.zeros(count)
@@ -213,7 +214,6 @@ class JournalPlay(Play):
         Raises:
             JointplayError: a load along an axis on which nothing limits the journal.
         """
-        loads = np.asarray(loads, float).reshape(-1, 6)
         push, axial = loads[:, :2], loads[:, 2]
         point = np.zeros((len(loads), 6))
         if math.isinf(self.along):
@@ -246,7 +246,6 @@ class JournalPlay(Play):
 
         A journal that cannot lean has one line of contact instead of two rims.
         """
-        loads = np.asarray(loads, float).reshape(-1, 6)
         walled, leans = 0.0 < self.along < math.inf, not math.isinf(self.length)
         if leans:
             outward, lean, forces = self._borne_leaning(loads, point, walled)
@@ -407,13 +406,11 @@ class BallPlay(Play):
         return Cones(self.radius * np.eye(6, 3), (Cone(np.eye(3), np.zeros(3), 1.0),))
 
     def support(self, loads: np.ndarray) -> Support:
-        loads = np.asarray(loads, float).reshape(-1, 6)
         point = np.zeros((len(loads), 6))
         point[:, :3] = self.radius * _unit(loads[:, :3])
         return Support(np.einsum("ij,ij->i", loads, point), point)
 
     def pressed(self, loads: np.ndarray, point: np.ndarray) -> Pressed:
-        loads = np.asarray(loads, float).reshape(-1, 6)
         out = _unit(loads[:, :3])
         least = np.eye(3)[np.abs(out).argmin(axis=1)]  # the axis that is most nearly across
         tangent = _unit(np.cross(out, least))
@@ -479,7 +476,6 @@ class BlockPlay(Play):
 
     def support(self, loads: np.ndarray) -> Support:
         """At a corner of the set: without yaw or with all, then a shift or a lean on each axis."""
-        loads = np.asarray(loads, float).reshape(-1, 6)
         best = Support(np.full(len(loads), -np.inf), np.zeros((len(loads), 6)))
         for yaw in sorted({0.0, self._yaw}):
             point = np.zeros((len(loads), 6))
@@ -503,7 +499,6 @@ class BlockPlay(Play):
         """The slider's corners on the walls, their forces by non-negative least squares."""
         from scipy.optimize import nnls  # takes long to import
 
-        loads = np.asarray(loads, float).reshape(-1, 6)
         normal, across, rooms = [], [], []
         for axis in (0, 1):
             for side, end, edge in product((1.0, -1.0), repeat=3):

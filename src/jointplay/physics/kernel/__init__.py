@@ -1,13 +1,16 @@
-"""The compiled part of the time loop.
+"""The compiled time loop.
 
-`constants` says what is asked of it. `layout` has the records that hold a run, `access` opens what
-they point to, `frames` has the geometry, `contact`, `film`, `load`, `gear`, `drive`
-and `rolling` the forces, `solve` the velocity solve, `record` the records, `multirate`,
-`adaptive` (steps by their error) and `singlerate` the methods, which `constants` lists, `loops`
-what the first makes of closed loops. All is entered through the compiled functions of
-`entry`, which are imported with their first use; what few runs have is compiled apart from these.
+In the order in which to read it:
 
-Around it, in Python: `workspace` holds a run's arrays, made from the sites of `layout`.
+- `constants`: status, commands, integrators. `layout`: the records that hold a run, and `access`,
+  which opens the arrays they point to. `workspace`: a run's arrays in Python.
+- Methods: `multirate` (macro and micro steps), `adaptive` (micro steps by their error),
+  `singlerate` (explicit methods), `solve` (the velocity solve of the multi-rate method), `loops`
+  (loops without clearance).
+- Forces: `contact`, `rolling` and `film` in joints with clearance, `gear`, `drive` and `load`
+  elsewhere; `frames` has the kinematics that they share.
+- `record`: recorded rows. `entry`: the compiled functions through which all is entered, imported
+  with their first use.
 """
 
 import lazy_loader

@@ -1,6 +1,6 @@
-"""What the records of a run point to, opened: `run.minv` is an array in compiled code.
+"""Access from compiled code to what records point to: `run.minv` is an array there.
 
-It has the shape that `layout` declares, by the sizes that the record has at that moment.
+It has the shape that `layout` declares, with the sizes that the record has at that moment.
 """
 
 from __future__ import annotations
@@ -30,13 +30,13 @@ for _record, _arrays in ARRAYS.items():
 
 @compiled
 def flat(array):
-    """All numbers of an array in a row."""
+    """View of all numbers of an array, shape (size,)."""
     return carray(address_of(array), (array.size,))
 
 
 @compiled
 def square(array, n):
-    """Matrix (n, n) of floats, the first that an array has: n may be known to the compiler."""
+    """View of an array's first n^2 floats as a matrix (n, n); n may be a compile-time constant."""
     return carray(address_of(array), (n, n))
 
 
@@ -45,7 +45,7 @@ _integer_pointer = pointer_to(np.int64)
 
 @compiled
 def machine_words(address, size):
-    """Array of `size` whole numbers, or what else has 8 bytes, at an address."""
+    """Array of `size` 8-byte words at an address, as whole numbers."""
     return carray(_integer_pointer(address), (size,))
 
 
@@ -58,11 +58,11 @@ def record_failure(run, status, contact):
 
 
 PART = "d(i,i,i,i)"
-"""Signature of what is compiled apart and called by address, as most runs do without it: of the
-addresses of run and joint, the joint's number, and what is to be done."""
+"""Signature of a joint's part, compiled apart and called by address as most runs do without it. It
+takes the addresses of run and joint, the joint's index, and a task."""
 RUN_PART = "v(i,p,p,p,d,i)"
-"""The same of parts of the whole run: of its address, the vectors q, v and tau, the time, and which
-of its tasks it is to do. A task reads and writes those of them that it needs."""
+"""Signature of a run's part, compiled apart likewise. It takes the run's address, the vectors q, v
+and tau, the time, and a task, which uses those of them that it needs."""
 
 call_part, _call_run_part = calling(PART), calling(RUN_PART)
 
@@ -71,18 +71,18 @@ _run, _joint = pointer_to(RUN), pointer_to(JOINT)
 
 @compiled
 def run_at(address):
-    """The record of a run at an address."""
+    """Record of a run at an address."""
     return carray(_run(address), (1,))[0]
 
 
 @compiled
 def joint_at(address):
-    """The record of a joint at an address."""
+    """Record of a joint at an address."""
     return carray(_joint(address), (1,))[0]
 
 
 @compiled
 def run_part(part, run, q, v, tau, time, task):
-    """Have a part of the whole run, by its address, do one of its tasks (`RUN_PART`)."""
+    """Call a part of the run at the address `part` for one of its tasks (`RUN_PART`)."""
     vectors = address_of(q), address_of(v), address_of(tau)
     _call_run_part(part, (place_of(run), *vectors, time, task))

@@ -1,24 +1,27 @@
-"""Micro steps of the multi-rate method as long as their error allows.
+"""Adaptive micro steps of the multi-rate method: step size by error, stability and impacts.
 
 A micro step of length h changes velocities by h a, with the acceleration a at its middle as the
-leapfrog method takes it. Taylor's next term is what that leaves out,
+leapfrog method takes it. Its error is Taylor's next term,
 
     e = h^3/24 d2a/dt2,
 
-found from the accelerations at the last three states. The step is as long as e stays below
-`micro_tolerance` times what contacts and inertia move in it, all measured as the root of twice a
-kinetic energy. Impacts count by their mean deceleration at least: their beginning, where the force
-grows from nothing, would otherwise be resolved without end. So a step in flight spans the macro
-step, steps in lasting contact follow the oscillation of the contact, and an impact has as many
-steps however stiff it is. Onsets of contacts are located. A step whose error turns out too large is
-done again, shorter, from a copy of the state; no call of Pinocchio is repeated. Steps are not made
-longer by little: leapfrog steps of equal length keep the energy of an elastic contact.
+estimated from the accelerations at the last three states. It is tolerated up to `micro_tolerance`
+times the velocity that contacts and inertia change in the step, both measured as the root of twice
+a kinetic energy.
 
-The error says nothing of stability: a journal that lies still has none, however long the step,
-until it has begun to swing. Steps are therefore never longer than what the stiffness of the
-contacts that touch allows, nor than what springs, gears and drives do.
+Impacts count by their mean deceleration at least, for their beginning, where the force grows from
+nothing, would otherwise be resolved without end. So a step in flight spans the macro step, steps in
+lasting contact follow the oscillation of the contact, and an impact takes the same number of steps
+however stiff it is. Onsets of contacts are located by root finding. A step whose error turns out
+too large is done again, shorter, from a copy of the state; no call of Pinocchio is repeated. Steps
+grow only by a large factor, for leapfrog steps of equal length keep the energy of an elastic
+contact.
 
-Records are due at multiples of `run.dt`, wherever the states are: they are interpolated.
+The error says nothing of stability: a journal at rest has none, however long the step, until it has
+begun to oscillate. Steps are therefore never longer than the stiffness of the contacts that touch
+allows, nor than springs, gears and drives do (`longest_micro`).
+
+Records are due at multiples of `run.dt`, between the states: they are interpolated.
 """
 
 from __future__ import annotations
@@ -34,6 +37,7 @@ from jointplay.physics.kernel.constants import POWERS
 from jointplay.physics.kernel.contact import contact_gap, is_clear
 from jointplay.physics.kernel.frames import (
     cross,
+    find_pose,
     get_vector,
     place_bodies,
     project_wrench,
@@ -51,43 +55,43 @@ from jointplay.physics.kernel.multirate import (
 )
 from jointplay.physics.kernel.record import fill_row, is_due, write_interpolated
 from jointplay.physics.kernel.rolling import element_frequency
-from jointplay.physics.kernel.solve import find_pose
 
 _NP = len(POWERS)
 
 REFUSED = 2.0
-"""A micro step whose error is so many times the tolerance is done again."""
+"""Error of a micro step, over the tolerance, beyond which the step is done again."""
 GROWTH = 2.5
-"""By how much a micro step is longer than the one before at most."""
+"""Largest ratio of a micro step's length to that of the one before."""
 LEAST_GROWTH = 2.0
-"""A step is not made longer by less than this: leapfrog steps of equal length keep energy."""
+"""Smallest such ratio: a step that could grow by less stays as long as it is, for leapfrog steps of
+equal length keep energy."""
 SAFETY = 0.85
-"""Part of the length that the last error would allow."""
+"""Length of the next step, relative to what the last error would allow."""
 FIRST_PART = 0.6
 """Length of the first step of an impact, relative to what the tolerance would allow in its midst:
 the force grows there from nothing."""
 STABLE_TURN = 1.0
-"""Largest phase of the stiffest oscillation in a step [rad]: leapfrog is stable up to 2."""
+"""Largest phase of the stiffest oscillation in a step [rad]; leapfrog is stable up to 2."""
 STIFFNESS_DIFFERENCE = 1e-2
-"""Relative difference of the depth by which stiffness is found."""
+"""Relative step in depth of the difference quotient that gives a contact's stiffness."""
 IMPACT = 2.5
-"""An impact is over after so many times its first half, or has become a contact that lasts."""
+"""Duration after which an impact is over or has become a lasting contact, over its first half."""
 SMALL_SPEED = 1e-5
-"""What moves no faster than this, as the root of twice a kinetic energy, is not resolved further
+"""Speed, as the root of twice a kinetic energy, below which motion is not resolved further
 [kg^0.5 m/s]."""
 SMALL_DEPTH = 1e-9
-"""From where the search for an impact's depth begins at least [m]."""
+"""Least depth from which the search for an impact's largest depth starts [m]."""
 DEPTH_TRIALS = 4
-"""Trials of that search, exact after the first for Hertz's force."""
+"""Iterations of that search; the first is exact for Hertz's force."""
 ONSET_TRIALS = 30
-"""Trials by which the onset of a contact is located, at most."""
+"""Most iterations in locating the onset of a contact."""
 ONSET_DEPTH = 1e-3
-"""A contact has begun where its depth is less than this part of the step's way into it."""
+"""Depth at which the located onset may lie, relative to the distance travelled in the step."""
 HALF_IMPACT = 1.47
-"""Half of an impact under Hertz's force over its depth over its speed: the integral of
+"""Duration of the compression phase of a Hertzian impact, over depth/speed: the integral of
 (1 - x^(5/2))^(-1/2) from 0 to 1 (K. L. Johnson, Contact Mechanics, 1985, section 11.4)."""
 ROUNDING = 1e-6
-"""Part of a step by which a time may lie beside a multiple of the step."""
+"""Part of a step by which a time may differ from a multiple of the step."""
 
 
 _ARRAY, _COPY = range(2)
@@ -96,7 +100,7 @@ _ARRAY, _COPY = range(2)
 
 @compiled
 def _copy(run, source, target):
-    """Copy all that a macro step changes, from one column of `run.copies` to the other."""
+    """Copy everything that a macro step changes, from one column of `run.copies` to the other."""
     for k in range(run.ncopies):
         size = run.copies[k, 2]
         values = machine_words(run.copies[k, source], size)
@@ -107,7 +111,7 @@ def _copy(run, source, target):
 
 @compiled
 def _restore(run):
-    """Come back to the copy, but for the counts of the work done and what was refused."""
+    """Come back to the copy; counters of work and what is known of refused steps are kept."""
     solves, iterations, unsolved = run.solves, run.iterations, run.unsolved
     at, step, length = run.refused_at, run.refused_step, run.refused_length
     retried = run.retried_at
@@ -119,9 +123,10 @@ def _restore(run):
 
 @compiled
 def _gap_ahead(run, elapsed, all_contacts):
-    """Least gap of the contacts that do not touch now, `elapsed` after the present state.
+    """Smallest gap of the contacts that do not touch now, predicted `elapsed` [s] ahead.
 
-    Unless of `all_contacts`, those that are plainly clear are left out.
+    Positions are extrapolated at constant acceleration. Unless `all_contacts`, those that are
+    plainly clear are left out.
     """
     nv = run.nv
     q, v, a = run.q, run.v, run.a
@@ -141,7 +146,7 @@ def _gap_ahead(run, elapsed, all_contacts):
 
 @compiled
 def _least_gap(run):
-    """Least gap of the contacts that do not touch at the present state."""
+    """Smallest gap of the contacts that do not touch at the present state."""
     least = np.inf
     for j in range(run.nj):
         for k in range(run.joints[j].count):
@@ -153,9 +158,9 @@ def _least_gap(run):
 
 @compiled
 def _time_to_onset(run, h):
-    """Time to the onset of the next contact, `h` if none begins within it.
+    """Time to the onset of the next contact [s]; `h` if none begins within it.
 
-    By the Illinois form of regula falsi; the state found lies just behind the onset.
+    By the Illinois variant of regula falsi; the time found lies just behind the onset.
     """
     end = _gap_ahead(run, h, False)
     if end >= 0.0:
@@ -167,7 +172,7 @@ def _time_to_onset(run, h):
     for _ in range(ONSET_TRIALS):
         if depth <= enough or high - low <= 1e-9 * h:
             break
-        # Aim just behind the onset, so that it is the end behind it that comes near.
+        # Aim just behind the onset, so that the end of the bracket behind it converges.
         part = (gap + 0.5 * enough) / (gap + weight)
         middle = low + min(max(part, 1e-3), 0.999) * (high - low)
         gap_there = _gap_ahead(run, middle, True)
@@ -182,7 +187,7 @@ def _time_to_onset(run, h):
 
 @compiled
 def _quadratic_form(run, forces):
-    """Generalised forces f as f M^-1 f."""
+    """Quadratic form f^T M^-1 f of generalised forces f."""
     nv = run.nv
     minv = run.minv
     total = 0.0
@@ -195,9 +200,10 @@ def _quadratic_form(run, forces):
 
 @compiled
 def _compliance_at(run, joint, contact):
-    """Inverse of the mass that a contact meets along its normal [1/kg]."""
+    """Inverse of the effective mass of a contact along its normal, n^T J M^-1 J^T n [1/kg]."""
     nv = run.nv
     pull = run.scratch
+    # `project_wrench` projects the joint's own wrench: lend it a unit force along the normal.
     saved = (get_vector(joint.wrench, 0), get_vector(joint.wrench, 3))
     normal = get_vector(contact.direction, 0)
     set_vector(joint.wrench, 0, normal)
@@ -211,10 +217,11 @@ def _compliance_at(run, joint, contact):
 
 
 @compiled
-def _judge_onset(run, joint, contact):
-    """Expect of a contact that has just begun how long it is and how hard it brakes.
+def _estimate_impact(run, joint, contact):
+    """Estimate duration and mean deceleration of the impact that has just begun.
 
-    The depth at which it has stored the energy that the approach brings tells both.
+    Both follow from the depth at which the contact has stored the kinetic energy of the approach.
+    The micro step is cut to what resolves the impact.
     """
     speed, compliance = max(contact.rate, 0.0), contact.compliance
     contact.braking = 0.0
@@ -231,14 +238,14 @@ def _judge_onset(run, joint, contact):
     half = HALF_IMPACT * depth / speed
     contact.braking = speed / (half * math.sqrt(compliance))
     contact.braking_end = run.time + IMPACT * half
-    # Of e = h^3/24 d2a/dt2 with d2a/dt2 about a/half^2.
+    # From e = h^3/24 d2a/dt2 = tolerance h a, with d2a/dt2 about a/half^2.
     first = FIRST_PART * math.sqrt(24.0 * run.micro_tolerance) * half
     run.micro_step = min(run.micro_step, max(first, run.shortest_micro))
 
 
 @compiled
 def _stiffness(joint, contact):
-    """Rise of a contact's elastic force with its depth [N/m]."""
+    """Stiffness of a contact, the derivative of its elastic force by depth [N/m]."""
     depth = -contact.gap
     law = address_of(contact.parameters)
     deeper = (1.0 + STIFFNESS_DIFFERENCE) * depth
@@ -247,15 +254,14 @@ def _stiffness(joint, contact):
 
 
 @compiled
-def _judge_contacts(run, moved):
-    """Judge the contacts that touch: what impacts under way bring, and which step follows all.
+def _assess_contacts(run, moved):
+    """Find the largest deceleration by impacts (`braking`) and the longest stable micro step.
 
-    `braking` becomes the largest deceleration of impacts, `stable_micro` the longest step: the sum
-    of all contacts' squared frequencies, each alone, is no less than the square of the highest that
-    they have together.
+    For stability, the sum of the squared frequencies of all contacts, each alone, is an upper bound
+    of the square of the highest frequency that they have together.
 
     Args:
-        moved: whether inertias are others than when they were judged last.
+        moved: whether the inverse mass matrix has changed since the last call.
     """
     most = squares = 0.0
     for j in range(run.nj):
@@ -268,9 +274,10 @@ def _judge_contacts(run, moved):
             if begins or moved:
                 contact.compliance = _compliance_at(run, joint, contact)
             if begins:
-                _judge_onset(run, joint, contact)
+                _estimate_impact(run, joint, contact)
             if run.time < contact.braking_end:
-                most = max(most, contact.braking)  # an impact: its error is never nothing
+                most = max(most, contact.braking)
+            # Impacts are resolved by their error; contacts that last must be followed stably.
             if joint.resultant != 0:
                 squares += element_frequency(run, joint)
             elif not run.time < contact.braking_end:
@@ -282,8 +289,8 @@ def _judge_contacts(run, moved):
 
 
 @compiled
-def _size(run, values):
-    """Generalised velocities or accelerations as the root of twice a kinetic energy."""
+def _norm(run, values):
+    """Norm of generalised velocities or accelerations: the root of twice their kinetic energy."""
     nv = run.nv
     minv, weights = run.minv, run.weights
     total = 0.0
@@ -294,20 +301,22 @@ def _size(run, values):
 
 @compiled
 def _step_error(run, h):
-    """Error of the step of length h to the state just evaluated, over what is tolerated."""
+    """Error of the step of length h to the state just evaluated, relative to the tolerance."""
     nv = run.nv
     a, last = run.a, run.earlier_a
     off, before = last[2], run.earlier_dt
     for i in range(nv):
         if run.known_a > 1:
+            # e/h, as d2a/dt2 is twice the second divided difference of a.
             slope, slope_before = (a[i] - last[0, i]) / h, (last[0, i] - last[1, i]) / before
             off[i] = h * h / 12.0 * (slope - slope_before) / (h + before)
         else:
+            # After a jump only the change of a is known; it stands for h^2 d2a/dt2.
             off[i] = (a[i] - last[0, i]) / 24.0
-    wrong = _size(run, off)
+    wrong = _norm(run, off)
     if wrong == 0.0:
         return 0.0
-    moved = max(run.moved_by_forces, _size(run, a))
+    moved = max(run.moved_by_forces, _norm(run, a))
     scale = max(moved, run.moved, run.braking)
     run.moved = moved
     return wrong / (run.micro_tolerance * (scale + SMALL_SPEED / h))
@@ -315,7 +324,7 @@ def _step_error(run, h):
 
 @compiled
 def _first_due(run, time):
-    """First step to be recorded at or after a time, as long as it is in this macro step."""
+    """First step at or after a time that is to be recorded; the last of the macro step if none."""
     step = math.ceil(time / run.dt - ROUNDING)
     last = run.step + run.macro
     while step < last and not is_due(run, step):
@@ -325,7 +334,7 @@ def _first_due(run, time):
 
 @compiled
 def _remember_acceleration(run, h):
-    """Move the accelerations of the last states on by one."""
+    """Add the acceleration at the present state to those of the last states."""
     nv = run.nv
     a, last = run.a, run.earlier_a
     for i in range(nv):
@@ -335,8 +344,8 @@ def _remember_acceleration(run, h):
 
 
 @compiled
-def _next_length(run, remaining):
-    """Length of the next micro step: what remains is divided evenly among few."""
+def _next_step_length(run, remaining):
+    """Length of the next micro step; the last few of a macro step divide the rest evenly."""
     h = max(min(run.micro_step, run.stable_micro), run.shortest_micro)
     if h >= remaining:
         return remaining
@@ -345,7 +354,7 @@ def _next_length(run, remaining):
 
 @compiled
 def _keep_row(run):
-    """Keep the state just evaluated, for records to be interpolated from it."""
+    """Keep the state just evaluated, from which records are interpolated."""
     fill_row(run, run.row_before)
     for i in range(_NP):
         run.before[i] = run.power[i]
@@ -355,7 +364,10 @@ def _keep_row(run):
 
 @compiled
 def _write_due_records(run, start, h, due):
-    """Write the records from step `due` on in the micro step from `start`; which is due next."""
+    """Write the records due in the micro step from `start`, from step `due` on.
+
+    Returns the step that is due next.
+    """
     end = start + h
     fill_row(run, run.row_after)
     while due < run.step + run.macro and due * run.dt < end - ROUNDING * run.dt:
@@ -366,21 +378,28 @@ def _write_due_records(run, start, h, due):
 
 @compiled
 def _try_steps(run):
-    """Do the micro steps of a macro step; returns whether the error of none was refused."""
+    """Do the micro steps of a macro step; returns False where one was refused.
+
+    Then the caller restores the copy, and the steps are repeated from there: up to `refused_at`
+    exactly as before, from where on `refused_step` is the length. A new copy is taken there, so
+    that a second refusal repeats no more than its own step.
+    """
     end = (run.step + run.macro) * run.dt
     last = run.step + run.macro
     evaluate(run)
     due = _first_due(run, run.time)
     begins = True
     while run.status == 0:
+        # 1. Choose the length of the step.
         if run.time >= run.refused_at:
             run.micro_step, run.refused_at = run.refused_step, np.inf
             _copy(run, _ARRAY, _COPY)
-        _judge_contacts(run, begins)
+        _assess_contacts(run, begins)
         begins = False
         start = run.time
-        wanted = _next_length(run, end - start)
+        wanted = _next_step_length(run, end - start)
         h = _time_to_onset(run, wanted)
+        # 2. Accept the present state, go to the next and evaluate it.
         before = 0.5 * run.dt_before if run.fresh == 0 else 0.0
         add_work(run, before)
         commit_memories(run, before, 0.5 * h)
@@ -393,12 +412,13 @@ def _try_steps(run):
         step_positions(run, h)
         run.time = start + h
         evaluate(run)
-        # A step that is far too long can end anywhere: a failure counts with the shortest only.
+        # 3. Refuse the step if its error is too large. One that is far too long can end anywhere:
+        # a failure counts only with the shortest.
         error = _step_error(run, h) if run.status == 0 else np.inf
         retried = run.retried_at == start
         if retried:
-            # Where the acceleration jumps, no step is short enough: what counts is the momentum
-            # that is wrong, against that of a step as long as the first that was refused here.
+            # Where the acceleration jumps, no step is short enough for the relative error: the
+            # error in momentum counts, against a step as long as the first refused here.
             error *= h / run.refused_length
         if error > REFUSED and h > run.shortest_micro:
             if not retried:
@@ -410,6 +430,7 @@ def _try_steps(run):
             break
         if error > REFUSED:
             run.unresolved += 1
+        # 4. Suggest the length of the next step, and write the records in between.
         factor = min(SAFETY * error ** (-1.0 / 3.0), GROWTH) if error > 0.0 else GROWTH
         if factor < 1.0 or (factor > LEAST_GROWTH and h >= 0.99 * run.micro_step):
             run.micro_step = max(factor * h, run.shortest_micro)
@@ -417,9 +438,10 @@ def _try_steps(run):
             due = _write_due_records(run, start, h, due)
         if h < wanted or retried:
             run.known_a = 0  # a contact begins, or a force jumps: the acceleration has a corner
+        # 5. End the macro step early if the state has left the predicted path.
         end_macro_step(run)
         if run.departure > run.departure_limit:
-            # States between macro steps lie on multiples of `dt`.
+            # Macro steps end at multiples of `dt`.
             steps = math.ceil(run.time / run.dt - ROUNDING)
             if steps * run.dt < end - 0.5 * run.dt:
                 last = int(steps)
@@ -436,7 +458,7 @@ def _try_steps(run):
 
 @compiled
 def advance_adaptively(run):
-    """Do the planned macro step with Pinocchio's result, and plan the next."""
+    """Do the planned macro step with Pinocchio's result by adaptive steps, and plan the next."""
     check_prediction(run)
     if run.refused != 0:
         return

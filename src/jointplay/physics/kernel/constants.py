@@ -1,4 +1,4 @@
-"""Constants of the kernels that other modules use too; importing them needs no compiler."""
+"""Constants of the kernels that other modules use, too; importing them needs no compiler."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Status(IntEnum):
 
 
 class Command(IntEnum):
-    """What an entry shall do."""
+    """Task of an entry (`entry.enter`, `entry.enter_single`)."""
 
     ADVANCE = 0
     PLAN = 1
@@ -41,7 +41,7 @@ class Command(IntEnum):
 
 
 REACHED = -1
-"""Returned by an entry where a run has reached the step up to which it was asked to go."""
+"""Status returned by an entry when a run has reached the step `RUN.until`."""
 
 POWERS = (
     "drive",
@@ -51,20 +51,21 @@ POWERS = (
     "gear_dissipation",
     "film_dissipation",
 )
+"""Powers whose works are integrated over time for the audit of energy."""
 
 AZIMUTHS = 72
-"""Places around the bore at which sliding work is counted, the first on the bearing's x axis."""
+"""Points around the bore at which sliding work is counted, the first on the bearing's x axis."""
 JOINT_FRICTION_SPEED = 1e-3
-"""Speed over which dry joint friction changes its sign [rad/s or m/s]."""
+"""Speed over which dry joint friction changes its sign, as tanh(v/speed) [rad/s or m/s]."""
 GEAR_BENDS, GEAR_ORDERS = 3, 4
-"""Bends that a gear's elastic curve can have, and orders of its kinematic error."""
+"""Most changes of slope of a gear's elastic curve, and most orders of its kinematic error."""
 WELL_RESOLVED_STEPS = 10
-"""A contact of fewer steps than this is not resolved."""
+"""Fewest steps of a contact that is resolved."""
 NEVER, ALWAYS, IF_PRESSED = range(3)
 """When a load depends on velocity; IF_PRESSED: where its force at rest is not zero."""
 
 
-# Integrators of eqs 22 and 23: what they are called, and the loop that each goes through.
+# Integrators of eqs 22 and 23.
 
 
 @dataclass(frozen=True)
@@ -75,9 +76,9 @@ class Integrator:
     order: int
     """Order of convergence in smooth motion."""
     stages: int
-    """Evaluations of the acceleration by Pinocchio in a step; 0: once in many steps."""
+    """Evaluations of the acceleration by Pinocchio per step; 0: one in many steps."""
     command: Command
-    """What the kernels do for each evaluation."""
+    """Command to the kernels for each evaluation."""
 
     @property
     def single_rate(self) -> bool:
@@ -86,9 +87,9 @@ class Integrator:
 
 
 MULTI_RATE = Integrator("multi-rate", 2, 0, Command.ADVANCE)
-"""Leapfrog on an inertia that changes slowly; implicit in velocity: see `kernel.multirate`."""
+"""Leapfrog with slowly varying inertia, implicit in velocity; see `kernel.multirate`."""
 SEMI_IMPLICIT_EULER = Integrator("semi-implicit-euler", 1, 1, Command.SEMI_IMPLICIT_EULER)
-"""Explicit: v += a dt, then q += v dt: one evaluation."""
+"""Explicit: v += a dt, then q += v dt."""
 RUNGE_KUTTA_4 = Integrator("rk4", 4, 4, Command.RUNGE_KUTTA_4)
 """Explicit: classical Runge-Kutta. Hairer, Norsett, Wanner, Solving ODEs I, Table II.1.2."""
 

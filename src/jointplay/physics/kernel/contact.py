@@ -1,8 +1,11 @@
-"""One joint's contacts: gaps, forces and their slopes, and the state that outlasts a step.
+"""Contact forces of one joint: gaps, normal and friction forces, their derivatives, and history.
 
-`find_gaps` finds the gaps (eqs 4-9) of a pose. `add_contact_forces` adds the contact forces at the
-joint's twist to its wrench (eqs 18-21), `add_contact_slope` the derivative of the wrench by the
-twist, for the velocity solve. `commit_contacts` accepts the state as one of the trajectory.
+1. `find_gaps` finds the gaps (eqs 4-9) and elastic forces at the joint's pose.
+2. `add_contact_forces` adds the contact forces at the joint's twist to its wrench (eqs 18-21);
+   `add_contact_slope` adds the derivative of the wrench by the twist, for the velocity solve.
+3. `add_dissipation` adds the powers lost at the velocity found.
+4. `commit_contacts` accepts the state as one of the trajectory: onset and end of contacts, approach
+   speed, bristles, peaks, impulses and sliding work.
 """
 
 from __future__ import annotations
@@ -11,6 +14,7 @@ import math
 
 from jointplay.base.compiler import address_of, compiled, pointer
 from jointplay.physics.contact.calls import call_bristle, call_friction, call_normal
+from jointplay.physics.contact.law import BRISTLE_NUMBERS
 from jointplay.physics.geometry import Shape, clear_of_cylinder, touch_faces, touch_rims
 from jointplay.physics.geometry import touch as touch_shape
 from jointplay.physics.kernel.access import record_failure
@@ -38,24 +42,27 @@ _CYLINDER = int(Shape.CYLINDER)
 _BROKE_OUT, _FILM_BROKE = int(Status.BROKE_OUT), int(Status.FILM_BROKE)
 _BAD_FORCE = int(Status.BAD_FORCE)
 
+_BENDING, _RELEASE, _STIFFNESS, _DAMPING, _VISCOUS, _CAP, _TARGET, _RATE = range(BRISTLE_NUMBERS)
+"""Indices of a bristle law's results in `RUN.law_numbers`; see `bristle.Bristles`."""
+
 _DIFFERENCE = 1e-5
-"""Relative difference of a speed by which laws are differentiated."""
+"""Relative step in speed of the difference quotients that differentiate laws."""
 _LEAST_DIFFERENCE = 1e-9
-"""The same where nothing moves [m/s]."""
+"""Least such step, taken at zero speed [m/s]."""
 _SLID_BEFORE_S = 1e-2
-"""How long contacts that touch at the start have slid before as they do there [s]: bristles that
+"""Time for which contacts that touch at the start are taken to have slid before [s]: bristles that
 began straight at full speed would push by many times the friction until they have bent."""
 
 
 @compiled
-def _contact_place(joint, k):
-    """Gap of contact k at the joint's pose, its arm (3) and direction (3)."""
+def _touch(joint, k):
+    """Gap of contact k at the joint's pose, its arm (3) and direction (3), as one tuple."""
     pose, dimensions = joint.pose, pointer(joint.dimensions)
     return touch_shape(joint.shape, dimensions, 0, k, pose[0], pose[1], pose[2], pose, 3)
 
 
 @compiled
-def _cylinder(joint):
+def _cylinder_pose(joint):
     """Centre and axis of a cylinder at the joint's pose, then its dimensions."""
     pose, d = joint.pose, pointer(joint.dimensions)
     axis = pose[5], pose[8], pose[11]
@@ -67,20 +74,23 @@ def contact_gap(joint, k):
     """Gap of contact k at the joint's pose."""
     if joint.resultant != 0:
         return element_gap(joint)
-    return _contact_place(joint, k)[0]
+    return _touch(joint, k)[0]
 
 
 @compiled
 def is_clear(joint, k):
-    """Whether contact k cannot touch at the joint's pose, as far as that is plain."""
+    """Whether a cheap bound shows that contact k does not touch at the joint's pose."""
     if joint.shape != _CYLINDER or joint.resultant != 0:
         return False
-    return clear_of_cylinder(k, *_cylinder(joint))
+    return clear_of_cylinder(k, *_cylinder_pose(joint))
 
 
 @compiled
-def _take_place(run, j, joint, k, place):
-    """Take the place of contact k of joint j, and the elastic force there; whether it touches."""
+def _store_contact(run, j, joint, k, place):
+    """Store gap, arm and normal of contact k of joint j, and its elastic force.
+
+    Returns whether it touches. Where it must not, the run is stopped.
+    """
     contact = run.contacts[j, k]
     gap, rx, ry, rz, nx, ny, nz = place
     contact.gap = gap
@@ -112,15 +122,15 @@ def find_gaps(run, j, joint):
     touching = False
     if joint.shape != _CYLINDER:
         for k in range(joint.count):
-            touching |= _take_place(run, j, joint, k, _contact_place(joint, k))
+            touching |= _store_contact(run, j, joint, k, _touch(joint, k))
         return touching
-    end_a, end_b = touch_rims(*_cylinder(joint))
-    touching |= _take_place(run, j, joint, 0, end_a)
-    touching |= _take_place(run, j, joint, 1, end_b)
+    end_a, end_b = touch_rims(*_cylinder_pose(joint))
+    touching |= _store_contact(run, j, joint, 0, end_a)
+    touching |= _store_contact(run, j, joint, 1, end_b)
     if joint.count > 2:
-        end_a, end_b = touch_faces(*_cylinder(joint))
-        touching |= _take_place(run, j, joint, 2, end_a)
-        touching |= _take_place(run, j, joint, 3, end_b)
+        end_a, end_b = touch_faces(*_cylinder_pose(joint))
+        touching |= _store_contact(run, j, joint, 2, end_a)
+        touching |= _store_contact(run, j, joint, 3, end_b)
     return touching
 
 
@@ -136,15 +146,17 @@ def _find_contact_velocity(joint, contact):
 
 @compiled
 def _normal_force(joint, contact, rate):
-    """Normal force, the approach speed, and the speed that damping is referred to.
+    """Normal force [N], the approach speed, and the speed that damping is referred to [m/s].
 
     The approach speed is the largest since the contact began. For an impact that is the speed at
-    its onset (eq. 14), for |ddelta| only falls from there. Damping is referred to it, or to the
-    speed at which `rest_mass` would have stored the energy that the contact holds, if that is
-    more. `rest_mass` is far larger than what impacts meet, and an impact never holds more energy
-    than it came with: nothing changes for it. A contact that began at rest and bears a load is a
-    damper that depends smoothly on depth and rate; one that refers to its own smallest rates would
-    be a brake, which no explicit step follows.
+    its onset (eq. 14), for |ddelta| only falls from there.
+
+    Hysteresis laws divide by it, and say nothing of a contact that began at rest: referred to its
+    own smallest rates the damper would be a brake, which no explicit step follows. Damping is
+    therefore referred to the speed at which `rest_mass` would have brought the energy that the
+    contact holds, if that is more: a damper that depends smoothly on depth and rate. Impacts are
+    not affected, for `rest_mass` is far larger than the masses they meet, and an impact never holds
+    more energy than it came with (docs/theory.md).
     """
     approach = max(abs(rate), MIN_APPROACH_SPEED)
     if contact.steps > 0.0:
@@ -167,22 +179,23 @@ def _evaluate_bristle_law(run, joint, contact, speed, normal, dwell):
 
 @compiled
 def _advance_bristle(run, contact, z, slip, elapsed):
-    """Bristles `elapsed` [s] on from z, as the law last evaluated says: exactly for constant slip.
+    """Deflection of bristles `elapsed` [s] after z, exact for constant slip, and its gain by slip.
 
-    With it, how it grows with the slip.
+    dz/dt = A v - r z, with A and r of the law last evaluated; z is first turned into the tangent
+    plane.
     """
-    out = run.law_numbers
+    bending, release = run.law_numbers[_BENDING], run.law_numbers[_RELEASE]
     direction = get_vector(contact.direction, 0)
     z = add_scaled(z, -dot(direction, z), direction)
-    left = math.exp(-out[1] * elapsed)
-    gain = out[0] * (elapsed if out[1] * elapsed < 1e-9 else (1.0 - left) / out[1])
+    left = math.exp(-release * elapsed)
+    gain = bending * (elapsed if release * elapsed < 1e-9 else (1.0 - left) / release)
     return add(scale(left, z), scale(gain, slip)), gain
 
 
 @compiled
 def _advance_dwell(run, dwell, elapsed):
-    """The dwell `elapsed` [s] on, as the law last evaluated says."""
-    target, rate = run.law_numbers[6], run.law_numbers[7]
+    """Dwell `elapsed` [s] later: exponential approach to the target of the law last evaluated."""
+    target, rate = run.law_numbers[_TARGET], run.law_numbers[_RATE]
     return target + (dwell - target) * math.exp(-rate * elapsed) if rate != 0.0 else dwell
 
 
@@ -203,9 +216,10 @@ def bend_at_start(run, j, joint):
 
 @compiled
 def time_bristles(run, j, joint, elapsed, step):
-    """Tell the contacts of joint j how long ago their bristles were as they are kept.
+    """Set the time for which bristles of joint j have bent since they were kept, `elapsed` [s].
 
-    `elapsed` [s]; of a contact that began within the last `step` [s] they were straight then.
+    Those of a contact that began within the last `step` [s] were straight at its onset, which the
+    depth and its rate tell.
     """
     for k in range(joint.count):
         contact = run.contacts[j, k]
@@ -218,32 +232,32 @@ def time_bristles(run, j, joint, elapsed, step):
 
 @compiled
 def _bristle_force(run, joint, contact, normal, slip, speed):
-    """Force of the bristles: -(k z + d (A v - r z)), no longer than the cap, and - c v.
+    """Friction of bristles at a sliding velocity v: -(k z + d (A v - r z)), capped, less c v.
 
-    They are bent as far as at the velocity given. With the force, how it falls with velocities
-    across it, and z and dwell.
+    Returns the force, how much it falls per velocity across it, z and dwell at the end of
+    `contact.elapsed`.
     """
     _evaluate_bristle_law(run, joint, contact, speed, normal, contact.dwell)
     out, elapsed = run.law_numbers, contact.elapsed
     z, gain = _advance_bristle(run, contact, get_vector(contact.bristle, 0), slip, elapsed)
     dwell = contact.dwell
-    if out[7] != 0.0:
+    if out[_RATE] != 0.0:
         dwell = _advance_dwell(run, dwell, elapsed)
         _evaluate_bristle_law(run, joint, contact, speed, normal, dwell)
-    damper = out[3] * out[0]
-    pull = out[2] - out[3] * out[1]
+    damper = out[_DAMPING] * out[_BENDING]
+    pull = out[_STIFFNESS] - out[_DAMPING] * out[_RELEASE]
     force = add(scale(-pull, z), scale(-damper, slip))
     fall = damper + pull * gain
     size = norm(force)
-    if size > out[5]:
-        force = scale(out[5] / size, force)
-        fall *= out[5] / size
-    return add_scaled(force, -out[4], slip), fall + out[4], z, dwell
+    if size > out[_CAP]:
+        force = scale(out[_CAP] / size, force)
+        fall *= out[_CAP] / size
+    return add_scaled(force, -out[_VISCOUS], slip), fall + out[_VISCOUS], z, dwell
 
 
 @compiled
 def _bristle_slope(run, joint, contact, slip):
-    """Direction of sliding, the bristles' force per velocity along it, and its fall across."""
+    """Direction of sliding, derivative of the bristles' force along it, and its fall across it."""
     speed, normal = contact.speed, contact.normal_now
     more = speed * _DIFFERENCE + _LEAST_DIFFERENCE
     force, across, _, _ = _bristle_force(run, joint, contact, normal, slip, speed)
@@ -258,7 +272,7 @@ def _bristle_slope(run, joint, contact, slip):
 
 @compiled
 def _keep_bristle(run, joint, contact, ahead):
-    """Keep bristles and dwell as they are `ahead` [s] after the state, if it goes on so."""
+    """Keep bristles and dwell as they will be `ahead` [s] after the state, at its velocity."""
     z, dwell = get_vector(contact.bristle_now, 0), contact.dwell_now
     if ahead > 0.0:
         _, slip, speed = _find_contact_velocity(joint, contact)
@@ -271,7 +285,11 @@ def _keep_bristle(run, joint, contact, ahead):
 
 @compiled
 def _friction_slope(joint, contact, slip):
-    """Direction of sliding, friction (eqs 20, 21) per velocity along it, and its fall across."""
+    """Direction of sliding, derivative of friction (eqs 20, 21) along it, and its fall across it.
+
+    Across the sliding direction the force turns with the velocity, mu F_n/|v_t| per velocity; at
+    rest it falls alike in all directions.
+    """
     speed, normal, mu = contact.speed, contact.normal_now, contact.mu
     law = address_of(joint.friction_parameters)
     more = speed * _DIFFERENCE + _LEAST_DIFFERENCE
@@ -284,14 +302,17 @@ def _friction_slope(joint, contact, slip):
 
 @compiled
 def _add_slope(joint, contact, b):
-    """Add the slope of a force at a contact, matrix `b` (3 columns), to the joint's: X^T b X."""
+    """Add b = d(force)/d(velocity) at a contact (3 columns) to d(wrench)/d(twist), as X^T b X.
+
+    X = [1, -[r]] maps the twist to the velocity of the contact point at the arm r.
+    """
     arm, wrench_slope = get_vector(contact.arm, 0), joint.wrench_slope
     for c in range(3):
         turned = cross(arm, b[c])
         for r in range(3):
             wrench_slope[r, c] += b[c][r]
             wrench_slope[3 + r, c] += turned[r]
-    # The velocity of the point is u + w x r: columns of b (-[r]).
+    # The velocity of the point is u + w x r: the columns of b (-[r]).
     x, y, z = arm
     columns = (
         add_scaled(scale(-z, b[1]), y, b[2]),
@@ -318,7 +339,7 @@ def add_contact_slope(run, j, joint):
         rate, slip, _ = _find_contact_velocity(joint, contact)
         if joint.bristles != 0:
             t, b, fall = _bristle_slope(run, joint, contact, slip)
-            mu = 0.0  # what the normal force does to the bristles is left to the next trial
+            mu = 0.0  # the effect of the normal force on bristles is left to the next trial
         else:
             t, b, fall = _friction_slope(joint, contact, slip)
             mu = contact.mu
@@ -374,7 +395,7 @@ def add_contact_forces(run, j, joint):
 def add_dissipation(run, j, joint):
     """Add the power dissipated in the contacts of joint j; stop the run where a law has failed.
 
-    What no trial of the velocity solve asks for is found here.
+    This and the size of the friction force are found once a state, not at every trial velocity.
     """
     if joint.resultant != 0:
         add_element_losses(run, joint)
@@ -395,7 +416,7 @@ def add_dissipation(run, j, joint):
 
 @compiled
 def average_stage_forces(joint, contact_rows, stage, part):
-    """Add the forces at a stage to the means over a step, of which it stands for a `part`."""
+    """Add the forces at a Runge-Kutta stage, weighted by `part`, to the means over the step."""
     mean, film = joint.mean_force, joint.mean_film_force
     for r in range(3):
         mean[r] = part * joint.wrench[r] + (mean[r] if stage > 0 else 0.0)
@@ -416,10 +437,8 @@ def average_stage_forces(joint, contact_rows, stage, part):
 def commit_contacts(run, j, joint, duration, ahead):
     """Accept the contacts' state as one of the trajectory; its forces act for `duration` [s].
 
-    Bristles are kept as they are `ahead` [s] after it.
-
-    What is kept for record and audit is a force that acted: that of the state, or, where a step
-    has stages, their mean over the step that led to the state.
+    Bristles are kept as they will be `ahead` [s] after it. Forces for record and audit are those of
+    the state or, where a step has stages, their mean over the step that led to the state.
     """
     averaged = run.averaged != 0
     for k in range(joint.count):
@@ -437,12 +456,14 @@ def commit_contacts(run, j, joint, duration, ahead):
         contact.impulse += impulse
         contact.normal_peak = max(contact.normal_peak, contact.normal)
         if contact.touching == 0:
+            # The end of a contact.
             if contact.gap >= 0.0 and contact.steps > 0.0:
                 run.events += 1
                 contact.own_impulse += impulse
                 _end_contact(contact)
             continue
         if contact.steps == 0.0:
+            # Its onset.
             run.events += 1
             contact.onsets += 1.0
             contact.own_impulse = 0.0
@@ -452,6 +473,7 @@ def commit_contacts(run, j, joint, duration, ahead):
         if joint.bristles != 0:
             _keep_bristle(run, joint, contact, ahead)
         if k < joint.wearing:
+            # Sliding work by azimuth on the bore, in bearing axes, and on the journal, in its own.
             n, pose, work = contact.direction, joint.pose, impulse * contact.speed
             x = pose[3] * n[0] + pose[6] * n[1] + pose[9] * n[2]
             y = pose[4] * n[0] + pose[7] * n[1] + pose[10] * n[2]
@@ -467,7 +489,7 @@ def commit_contacts(run, j, joint, duration, ahead):
 
 @compiled
 def _end_contact(contact):
-    """Count a contact that has ended, and how well it was resolved."""
+    """Count a contact that has ended, and whether its steps were enough to resolve it."""
     contact.ended += 1.0
     contact.fastest = max(contact.fastest, contact.ddelta0)
     contact.shortest = min(contact.shortest, contact.steps)
@@ -481,10 +503,10 @@ def _end_contact(contact):
 
 @compiled
 def _count_sliding(joint, part, k, x, y, work):
-    """Add normal force times sliding distance to the two azimuths beside the contact's place.
+    """Split a contact's sliding work between the two azimuths on either side of it.
 
-    Of the bore (part 0) or the journal (1), in whose axes the direction from the bearing into the
-    journal is (x, y).
+    `part` is 0 for the bore, 1 for the journal; (x, y) is the contact's direction, from the bearing
+    into the journal, in the axes of that part.
     """
     counted = joint.sliding_work
     place = math.atan2(-y, -x) * (AZIMUTHS / (2.0 * math.pi))

@@ -1,7 +1,11 @@
-"""What acts on single coordinates: drives and joint friction.
+"""Forces on single coordinates: drives, friction of joints, and servos.
 
-Bristles of joint friction are those of `contact.bristle` in one direction: bent with the joint,
-released at the rate |v| over the bend at which they slide, kept half a step ahead.
+A drive is a feedback of position and speed with a feed-forward effort, or prescribes the motion.
+A servo adds a voltage-driven motor behind a PID position controller.
+
+Bristles of joint friction are those of `contact.bristle` in one dimension: deflected by the motion
+of the joint, released at the rate |v| over the deflection at which they slide, and kept half a step
+ahead.
 """
 
 from __future__ import annotations
@@ -14,14 +18,14 @@ from jointplay.physics.kernel.constants import JOINT_FRICTION_SPEED
 from jointplay.physics.kernel.layout import DRIVE, JOINT_FRICTION
 
 _DIFFERENCE = 1e-5
-"""Relative difference of the speed by which the slope of bristles' friction is found."""
+"""Relative step in speed of the difference quotient that differentiates bristle friction."""
 _LEAST_DIFFERENCE = 1e-9
-"""At least so much [rad/s or m/s]."""
+"""Least such step [rad/s or m/s]."""
 
 
 @compiled
 def reference_rows(run, time):
-    """Rows of the reference (3, nu) before and after a time; how far between them (0 to 1)."""
+    """Nodes of the reference (3, nu) before and after a time, and the fraction in between."""
     place = time / run.reference_interval
     node = min(int(place), run.nref - 2)
     return run.reference[node], run.reference[node + 1], min(place - node, 1.0)
@@ -29,15 +33,15 @@ def reference_rows(run, time):
 
 @compiled
 def between_rows(before, after, part, kind, column):
-    """Position (kind 0), speed (1) or effort (2) of a column of the reference between two rows."""
+    """Interpolate position (kind 0), speed (1) or effort (2) of a column between two nodes."""
     return before[kind, column] + part * (after[kind, column] - before[kind, column])
 
 
 @compiled
 def prescribe_motion(run, q, v, time):
-    """Set prescribed coordinates to the reference, and keep armature x acceleration in drive.
+    """Set prescribed coordinates to the reference, by cubic Hermite interpolation of its nodes.
 
-    Cubic Hermite interpolation between the nodes of the reference.
+    Armature times the acceleration is kept in `run.drive`: the effort if nothing else acted.
     """
     before, after, s = reference_rows(run, time)
     h = run.reference_interval
@@ -68,7 +72,7 @@ def apply_drives(run, q, v, time, tau):
             encoder = row.encoder
             row.taken_at = v[encoder]
             effort[i] = forward + row.kp * (position - q[encoder]) + row.kd * (speed - v[encoder])
-            # Back-EMF is cut with what its servo pushes.
+            # A pure damper is the back-EMF of a servo: `apply_servos` limits their sum.
             if abs(effort[i]) > row.limit and (row.kp != 0.0 or row.kd == 0.0):
                 effort[i] = math.copysign(row.limit, effort[i])
         tau[i] += effort[i]
@@ -76,10 +80,10 @@ def apply_drives(run, q, v, time, tau):
 
 @compiled
 def apply_drive_damping(run, v, tau):
-    """Add what implicit drives' damping changes at the speeds v, against those taken before.
+    """Correct the damping of implicit drives from the extrapolated speeds to the speeds v.
 
-    Where a drive carries far more than its own coordinate's inertia, play between the two, its
-    damping is stiff: a journal that flies has only its own inertia to oppose.
+    Implicit, for damping chosen for an arm is stiff where play separates arm and drive: a journal
+    in flight has only its own inertia to oppose.
     """
     effort = run.drive
     for row in run.drives:
@@ -89,7 +93,7 @@ def apply_drive_damping(run, v, tau):
 
 @compiled
 def complete_drives(run, v):
-    """Move what implicit damping changed into the drives' efforts, the velocity v found."""
+    """Move that correction from `velocity_forces` to the drives' efforts, once v is found."""
     effort, forces = run.drive, run.velocity_forces
     for row in run.drives:
         i = row.coordinate
@@ -102,7 +106,7 @@ def complete_drives(run, v):
 
 @compiled
 def add_drive_power(run, v):
-    """Add the power of the drives whose effort is known to the powers."""
+    """Add the power of all drives but those of prescribed motion to the powers."""
     effort = run.drive
     for row in run.drives:
         if row.armature <= 0.0:
@@ -111,7 +115,7 @@ def add_drive_power(run, v):
 
 @compiled
 def add_prescribed_power(run, v, a):
-    """Complete the effort of prescribed motion, the acceleration known, and add its power."""
+    """Complete the effort of prescribed motion from the acceleration a, and add its power."""
     effort = run.drive
     for row in run.drives:
         if row.armature > 0.0:
@@ -121,8 +125,11 @@ def add_prescribed_power(run, v, a):
 
 
 @compiled
-def _bend(row, bend, speed, elapsed):
-    """Bristles `elapsed` [s] on: exactly, for a constant speed; with it where they slide."""
+def _advance_bristles(row, bend, speed, elapsed):
+    """Deflection of bristles after `elapsed` [s], exact for constant speed, and their limit.
+
+    The limit, at which they slide, is the presliding deflection times the Stribeck curve.
+    """
     ratio = speed / row.stribeck
     dry = row.coulomb + row.stiction * math.exp(-ratio * ratio)
     part = max(dry / (row.coulomb + row.stiction), _LEAST_DIFFERENCE)
@@ -132,8 +139,8 @@ def _bend(row, bend, speed, elapsed):
 
 @compiled
 def _bristle_friction(row, speed, elapsed):
-    """Friction with bristles: k z + d dz/dt, and viscous."""
-    bend, most = _bend(row, row.kept_bend, speed, elapsed)
+    """Friction with bristles at a speed: k z + d dz/dt, and viscous."""
+    bend, most = _advance_bristles(row, row.kept_bend, speed, elapsed)
     row.bend = bend
     stiffness = (row.coulomb + row.stiction) / row.presliding
     row.torque = stiffness * bend + row.damping * speed * (1.0 - bend / most) + row.viscous * speed
@@ -142,11 +149,14 @@ def _bristle_friction(row, speed, elapsed):
 
 @compiled
 def _joint_friction(row, speed, elapsed):
-    """Friction at a speed, and its slope; bristles are kept as they were `elapsed` [s] ago."""
+    """Friction at a speed and its derivative; bristles have bent for `elapsed` [s] since kept.
+
+    Without bristles: Coulomb and Stribeck friction, their sign smoothed, and viscous.
+    """
     if row.presliding > 0.0:
         more = abs(speed) * _DIFFERENCE + _LEAST_DIFFERENCE
         further = _bristle_friction(row, speed + more, elapsed)
-        friction = _bristle_friction(row, speed, elapsed)
+        friction = _bristle_friction(row, speed, elapsed)  # last: `bend` and `torque` are these
         return friction, (further - friction) / more
     ratio = speed / row.stribeck
     excess = row.stiction * math.exp(-ratio * ratio)
@@ -169,15 +179,15 @@ def apply_joint_friction(run, v, time, tau):
 
 @compiled
 def commit_bristles(run, v, ahead):
-    """Accept the bristles of joint friction, and keep them as they are `ahead` [s] later."""
+    """Accept the bristles of joint friction, and keep them as they will be `ahead` [s] later."""
     for row in run.frictions:
         if row.presliding > 0.0:
-            row.kept_bend, _ = _bend(row, row.bend, v[row.coordinate], ahead)
+            row.kept_bend, _ = _advance_bristles(row, row.bend, v[row.coordinate], ahead)
 
 
 @compiled
 def add_joint_slopes(run, v):
-    """Add the derivatives of joint friction and implicit drives by velocity to the slope."""
+    """Add the velocity derivatives of joint friction and implicit drives to d(tau_c)/dv."""
     slope, place = run.slope, run.place
     effort = run.drive
     for drive in run.drives:
@@ -191,7 +201,7 @@ def add_joint_slopes(run, v):
 
 @compiled
 def add_joint_losses(run, v):
-    """Add the power that joint friction takes at velocities v, what its bristles store counted."""
+    """Add the power that joint friction takes at velocities v, including what bristles store."""
     for row in run.frictions:
         friction = row.torque
         if not row.presliding > 0.0:
@@ -199,20 +209,24 @@ def add_joint_losses(run, v):
         run.power[JOINT_FRICTION] += friction * v[row.coordinate]
 
 
-# Servos: a motor at a voltage that a position controller sets.
+# Servos: a motor at the voltage that a position controller asks for. The P, I and D terms act on
+# the encoder's reading, rounded to its resolution, and on the error beyond a dead band. With a
+# sampling period the voltage is held between samples; else the controller is continuous, and its
+# integral goes by the trapezoidal rule.
 
 ROUNDING = 1e-9
 """Part of a period by which a sample may come early."""
 
 
 @compiled
-def _cut(servo, voltage):
+def _saturated(servo, voltage):
+    """Voltage limited to what the servo has."""
     return min(max(voltage, -servo.voltage), servo.voltage)
 
 
 @compiled
 def _voltage(servo, position, speed, q, v, time):
-    """What the controller asks for at a state, and its integral there."""
+    """Voltage that the controller asks for at a state; reading, error and integral are kept."""
     read = q[servo.encoder]
     if servo.resolution > 0.0:
         read = servo.resolution * math.floor(read / servo.resolution + 0.5)
@@ -223,27 +237,20 @@ def _voltage(servo, position, speed, q, v, time):
         gained = servo.period * servo.error
     else:
         gained = 0.5 * (time - servo.integrated_until) * (servo.error_before + servo.error)
-    servo.integral = _cut(servo, servo.integral_before + servo.i_gain * gained)
+    servo.integral = _saturated(servo, servo.integral_before + servo.i_gain * gained)
     measured = v[servo.encoder]
     if servo.differences != 0:
         measured = (read - servo.reading_before) / servo.period if time > 0.0 else 0.0
     asked = servo.p_gain * servo.error + servo.integral
     asked += servo.d_gain * (speed - measured)
-    return _cut(servo, asked)
+    return _saturated(servo, asked)
 
 
 @compiled
 def _commit_servo(servo, time):
+    """Keep the controller's state at a time, for the next state or sample to go on from."""
     servo.integral_before, servo.error_before = servo.integral, servo.error
     servo.reading_before, servo.integrated_until = servo.reading, time
-
-
-@compiled
-def _commit_servos(run):
-    """See `commit_servos`."""
-    for servo in run.servos:
-        if servo.period == 0.0:
-            _commit_servo(servo, run.time)
 
 
 @compiled
@@ -255,6 +262,8 @@ def _apply_servos(run, q, v, time, tau):
         position = between_rows(before, after, part, 0, servo.column)
         speed = between_rows(before, after, part, 1, servo.column)
         if servo.period > 0.0:
+            # At a sample the voltage jumps. The state there stands for half a step on either side,
+            # and gets the mean.
             if time >= servo.next_sample - ROUNDING * servo.period:
                 servo.held_before = servo.held
                 _commit_servo(servo, servo.sampled_at)
@@ -283,11 +292,13 @@ _COMMIT, _APPLY = range(2)
 
 @compiled
 def servos(address, q, v, tau, time, task):
-    """Do one of the following (`access.RUN_PART`)."""
+    """Carry out one of the tasks above (`access.RUN_PART`)."""
     run = run_at(address)
     nv = run.nv
     if task == _COMMIT:
-        _commit_servos(run)
+        for servo in run.servos:
+            if servo.period == 0.0:
+                _commit_servo(servo, run.time)
     else:
         _apply_servos(run, carray(q, (nv,)), carray(v, (nv,)), time, carray(tau, (nv,)))
 
@@ -301,6 +312,6 @@ def commit_servos(run):
 
 @compiled
 def apply_servos(run, q, v, time, tau):
-    """Add what the voltages push to the drives' efforts and to tau; after `apply_drives`."""
+    """Add the torques of the servos' voltages to the efforts and to tau; after `apply_drives`."""
     if run.ns > 0:
         run_part(run.servo_part, run, q, v, tau, time, _APPLY)

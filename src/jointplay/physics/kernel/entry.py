@@ -1,8 +1,8 @@
-"""The compiled functions through which all kernels are entered.
+"""Entry points: the compiled functions through which Python calls the kernels.
 
-Two, because most runs need the first alone and each is compiled when it is first called for:
-`enter` has what the multi-rate method does, `enter_single` the single-rate methods. What few runs
-have is compiled apart (`apart`), and called by its address.
+There are two, each compiled when first called for, as most runs need only the first: `enter` for
+the multi-rate method, `enter_single` for the single-rate ones. Film, rolling elements, gears,
+loops, loads and servos, which few runs have, are compiled apart (`apart`) and called by address.
 """
 
 from __future__ import annotations
@@ -37,8 +37,7 @@ from jointplay.physics.kernel.constants import REACHED, Command
 def enter(address, command) -> int:
     """Carry out a `Command` of the multi-rate method on a run (`layout.RUN`) at an address.
 
-    Returns the run's status, or `REACHED`, where it has advanced to the step that it should not go
-    beyond.
+    Returns the run's status, or `REACHED` where it has advanced to the step `until`.
     """
     run = run_at(address)
     if command in (_ADVANCE, _ADVANCE_ADAPTIVELY):
@@ -88,20 +87,20 @@ _SINGLE = (_BEGIN, _REFRESH, _EVALUATE_FORCES, _COMPLETE_STEP, _RECORD, _EULER, 
 
 
 def entry_of(command: Command) -> Any:
-    """What carries out a command."""
+    """The entry that carries out a command."""
     return enter_single if command in _SINGLE else enter
 
 
 def caller_of(command: Command = Command.ADVANCE) -> Callable[[int, int], int]:
-    """Compile the entry for a command or load it, and return what calls it fastest.
+    """Compile or load the entry for a command, and return the callable that is fastest in Python.
 
-    That takes the address of the run's record, and a command.
+    It takes the address of the run's record and a command, and returns a status.
     """
     return entry_of(command).caller(_SIGNATURE)  # type: ignore[no-any-return]
 
 
 def ahead(command: Command) -> bool:
-    """Begin to compile the entry for a command, if need be; whether that goes on meanwhile."""
+    """Begin to compile the entry for a command in the background; False if that is not needed."""
     return entry_of(command).ahead(_SIGNATURE)  # type: ignore[no-any-return]
 
 
@@ -116,6 +115,6 @@ _APART = {
 
 
 def apart(name: str) -> int:
-    """Compile or load what a field such as ``film_part`` points to, and return its address."""
+    """Compile or load a part, and return its address, for fields such as ``film_part``."""
     function, signature = _APART[name]
     return int(function.native(signature).address)

@@ -1,4 +1,7 @@
-"""The oil between journal and bore: what its sections do to the journal.
+"""Oil film between journal and bore: forces, damping and losses of its sections.
+
+The film is divided along the axis into sections. Each gets eccentricity, its rate and direction at
+its own place, asks the law (`contact.film`) for the force, and adds it to the joint's wrench.
 
 Compiled apart as `film`, for joints that have one; the functions without underscore call it.
 """
@@ -16,14 +19,14 @@ from jointplay.physics.kernel.layout import FILM
 
 _BAD_FORCE = int(Status.BAD_FORCE)
 _DIFFERENCE = 1e-4
-"""Relative difference of a section's speed by which the film is differentiated."""
+"""Relative step in a section's speed of the difference quotient that differentiates the film."""
 _LEAST_DIFFERENCE = 1e-9
-"""The same where nothing moves [m/s]."""
+"""Least such step, taken at zero speed [m/s]."""
 
 
 @compiled
 def _evaluate_law(run, joint, e, part, direction, velocity):
-    """Force (2) of a section along x and y, its moment, and its damping, at a velocity (x, y)."""
+    """Force of a section along x and y, its moment, and its damping, at a velocity (x, y)."""
     clearance = joint.clearance
     ratio = min(e / clearance, joint.thinnest)
     ex, ey = direction
@@ -43,7 +46,10 @@ def _evaluate_law(run, joint, e, part, direction, velocity):
 
 @compiled
 def _section_state(joint, section):
-    """Where a section stands: its arm, eccentricity, direction of it, and share of the film."""
+    """Arm of a section from the journal's centre, eccentricity, its direction, share of the film.
+
+    The share fades where the journal is deeper in the bore than the clearance.
+    """
     pose = joint.pose
     height = joint.section * (1.0 - 2.0 * section)
     arm = scale(height, (pose[5], pose[8], pose[11]))
@@ -58,13 +64,16 @@ def _section_state(joint, section):
 
 @compiled
 def _lagged_force(run, joint, section, place, velocity):
-    """Force and moment of a section for an explicit step, which cannot follow a stiff film.
+    """Force and moment of a section, lagged so that an explicit step can follow a stiff film.
 
-    Where dt C/m is not small the force is a mean of what the law says and of the force of the last
-    step, weighted so that a mass m stays stable; a steady force is exact (docs/theory.md).
+        F_n = [F(v_n + s (v_n - v_{n-1})) + lambda F_{n-1}]/(1 + lambda),
+        lambda = C dt/m,  s = lambda/(1 + lambda)
+
+    with the damping C: a mass m stays stable, and steady forces are exact (docs/bearings.md).
     """
     e, part, direction = place
     memory = joint.film_memory
+    # s follows from the damping at v_n, lambda from that at the extrapolated velocity.
     fx, fy, turn, damping = _evaluate_law(run, joint, e, part, direction, velocity)
     stiff = damping * run.dt / joint.lag_mass
     ahead = stiff / (1.0 + stiff)
@@ -83,7 +92,7 @@ def _lagged_force(run, joint, section, place, velocity):
 
 @compiled
 def _add_slope(run, joint, place, velocity, arm, force):
-    """Add the slope of a section's force with its velocity to the joint's."""
+    """Add the derivative of a section's force by its velocity to the joint's d(wrench)/d(twist)."""
     e, part, direction = place
     size = math.sqrt(velocity[0] * velocity[0] + velocity[1] * velocity[1])
     more = _DIFFERENCE * size + _LEAST_DIFFERENCE
@@ -94,7 +103,7 @@ def _add_slope(run, joint, place, velocity, arm, force):
         fx, fy, _, _ = _evaluate_law(run, joint, e, part, direction, (ux, uy))
         column = ((fx - force[0]) / more, (fy - force[1]) / more, 0.0)
         turned = cross(arm, column)
-        # Velocity of the section per angular velocity: row c of -[arm].
+        # Rate of the velocity's component c per angular velocity: row c of -[arm].
         lever = (0.0, arm[2], -arm[1]) if c == 0 else (-arm[2], 0.0, arm[0])
         for r in range(3):
             wrench_slope[r, c] += column[r]
@@ -171,7 +180,7 @@ _FORCES, _LAGGED, _SLOPE, _LOSSES, _COMMIT = range(5)
 
 @compiled
 def film(run_address, joint_address, j, task):
-    """Do one of the following for a joint with a film (`access.PART`)."""
+    """Carry out one of the tasks above for a joint with a film (`access.PART`)."""
     run, joint = run_at(run_address), joint_at(joint_address)
     if task == _SLOPE:
         _add_film_slope(run, joint)
@@ -186,7 +195,7 @@ def film(run_address, joint_address, j, task):
 
 @compiled
 def add_film_forces(run, j, joint, lag):
-    """Add the film's forces at the joint's twist to its wrench, of an explicit step with `lag`."""
+    """Add the film's forces at the joint's twist to its wrench; `lag` for explicit steps."""
     task = _LAGGED if lag else _FORCES
     call_part(joint.film_part, (place_of(run), place_of(joint), j, task))
 
@@ -205,5 +214,5 @@ def add_film_losses(run, j, joint):
 
 @compiled
 def commit_film(run, j, joint):
-    """Keep the sections' force and velocity for the lag of the next explicit step."""
+    """Keep force and velocity of the sections, for the lag of the next explicit step."""
     call_part(joint.film_part, (place_of(run), place_of(joint), j, _COMMIT))

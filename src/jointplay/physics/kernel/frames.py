@@ -1,13 +1,13 @@
-"""Pose and motion of a journal in its bearing, and the way back: forces on the coordinates.
+"""Kinematics of a journal in its bearing: pose, twist, and projection of wrenches on coordinates.
 
 Where bearing and journal are neighbours in the tree, joined by the six coordinates of the virtual
-link, both are known from these coordinates. Otherwise - a loop cut at the joint, a locked freedom,
-bearing and journal exchanged - they come from frames and Jacobians: Pinocchio's for single-rate
-methods, those of bodies for the multi-rate one.
+link, pose and twist follow from these coordinates. Otherwise - a loop cut at the joint, a locked
+freedom, bearing and journal exchanged - they come from frames and Jacobians: Pinocchio's for
+single-rate methods, those of `place_bodies` for the multi-rate one.
 
 A contact wrench needs no external force: the force F on the journal and its reaction -F on the
-bearing, at the same point, *are* a generalised force tau += J^T w, J being the motion of the
-journal relative to the bearing: the F_C of eq. 23 "projected on q".
+bearing, at the same point, *are* a generalised force tau += J^T w, J being the Jacobian of the
+journal's motion relative to the bearing: the F_C of eq. 23 "projected on q".
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import math
 
 from jointplay.base.compiler import compiled
 
-# Vectors of three numbers as tuples: what compiled code reckons with.
+# Vectors of three numbers are tuples in compiled code.
 
 
 @compiled
@@ -39,7 +39,7 @@ def add(a, b):
 
 @compiled
 def scale(s, a):
-    """S times a."""
+    """s a, for a number s."""
     return s * a[0], s * a[1], s * a[2]
 
 
@@ -57,7 +57,7 @@ def dot(a, b):
 
 @compiled
 def cross(a, b):
-    """A x b."""
+    """a x b."""
     return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
 
 
@@ -84,7 +84,10 @@ def pose_of_virtual_link(q, joint):
 
 @compiled
 def _world_pose(rotation, translation, placement):
-    """World orientation (9, row by row) and place (3) of a placement; Pinocchio has columns."""
+    """World orientation (three rows) and origin (3) of a frame placed in a body.
+
+    `rotation` is the body's, column by column as Pinocchio has it; `placement` has rows.
+    """
     r0 = (rotation[0], rotation[3], rotation[6])
     r1 = (rotation[1], rotation[4], rotation[7])
     r2 = (rotation[2], rotation[5], rotation[8])
@@ -110,28 +113,30 @@ def _rotate_back(rows, a):
 
 
 @compiled
-def pose_of_frames(run, joint, pose, jacobian):
-    """Pose of the journal (12) and `reach` (6, n) from the frames that carry it and its bearing.
+def pose_of_frames(run, carried):
+    """Find the relative pose (12) and Jacobian (6, n) of the two frames of a joint or load.
 
-    Only coordinates that move one of both and not the other enter, so that a common motion cannot
-    blur what they do.
+    Only coordinates that move one of the two and not the other enter, so that rounding of a common
+    motion cannot blur the relative one.
     """
+    pose, jacobian = carried.pose, carried.jacobian
     bearing, origin = _world_pose(
-        joint.bearing_rotation, joint.bearing_translation, joint.bearing_placement
+        carried.bearing_rotation, carried.bearing_translation, carried.bearing_placement
     )
     journal, place = _world_pose(
-        joint.journal_rotation, joint.journal_translation, joint.journal_placement
+        carried.journal_rotation, carried.journal_translation, carried.journal_placement
     )
+    # The journal's centre and orientation in bearing axes: R_b^T (p_j - p_b), R_b^T R_j.
     set_vector(pose, 0, _rotate_back(bearing, add_scaled(place, -1.0, origin)))
     for i in range(3):
         row = (0.0, 0.0, 0.0)
         for k in range(3):
             row = add_scaled(row, bearing[k][i], journal[k])
         set_vector(pose, 3 + 3 * i, row)
-    n = joint.nsupport
+    # Jacobian columns, from the point at the world's origin to the journal's centre.
     columns = run.world_jacobian
-    support, signs = joint.support, joint.signs
-    for k in range(n):
+    support, signs = carried.support, carried.signs
+    for k in range(carried.nsupport):
         column = columns[support[k]]
         turning = scale(1.0 * signs[k], get_vector(column, 3))
         moving = add(scale(1.0 * signs[k], get_vector(column, 0)), cross(turning, place))
@@ -142,25 +147,32 @@ def pose_of_frames(run, joint, pose, jacobian):
 
 
 @compiled
-def frame_twist(joint, jacobian, v, out):
-    """Motion (6) of what `reach` moves at velocities v."""
-    n = joint.nsupport
-    support = joint.support
+def find_pose(run, joint, q):
+    """Find the pose of a joint's journal at q, at which frames, if any, have been placed."""
+    if joint.first >= 0:
+        pose_of_virtual_link(q, joint)
+    else:
+        pose_of_frames(run, joint)
+
+
+@compiled
+def frame_twist(carried, v):
+    """Find the relative twist J v (6) of the two frames of a joint or load."""
+    jacobian, support, twist = carried.jacobian, carried.support, carried.twist
     for r in range(6):
         total = 0.0
-        for k in range(n):
+        for k in range(carried.nsupport):
             total += jacobian[r, k] * v[support[k]]
-        out[r] = total
+        twist[r] = total
 
 
 @compiled
 def find_twist(joint, v):
-    """Put velocity of the journal's centre and angular velocity, in bearing axes, into `twist`."""
-    out = joint.twist
+    """Find the joint's twist: velocity of the journal's centre, angular velocity, bearing axes."""
     if joint.first < 0:
-        frame_twist(joint, joint.jacobian, v, out)
+        frame_twist(joint, v)
         return
-    first, sines = joint.first, joint.sines
+    out, first, sines = joint.twist, joint.first, joint.sines
     sy, cy, sp, cp = sines[0], sines[1], sines[2], sines[3]
     out[0], out[1], out[2] = v[first], v[first + 1], v[first + 2]
     # The axes of yaw, pitch and roll are e_z, (-sy, cy, 0) and (cy cp, sy cp, -sp).
@@ -170,17 +182,22 @@ def find_twist(joint, v):
 
 
 @compiled
+def project_frame_wrench(carried, sign, wrench, tau):
+    """Project a wrench between two frames on the coordinates: tau += sign J^T w."""
+    jacobian, support = carried.jacobian, carried.support
+    for k in range(carried.nsupport):
+        total = 0.0
+        for r in range(6):
+            total += jacobian[r, k] * wrench[r]
+        tau[support[k]] += sign * total
+
+
+@compiled
 def project_wrench(joint, tau):
     """Project the joint's wrench on the coordinates: tau += J^T w."""
     wrench = joint.wrench
     if joint.first < 0:
-        n = joint.nsupport
-        jacobian, support = joint.jacobian, joint.support
-        for k in range(n):
-            total = 0.0
-            for r in range(6):
-                total += jacobian[r, k] * wrench[r]
-            tau[support[k]] += total
+        project_frame_wrench(joint, 1.0, wrench, tau)
         return
     first, sines = joint.first, joint.sines
     sy, cy, sp, cp = sines[0], sines[1], sines[2], sines[3]
@@ -194,7 +211,7 @@ def project_wrench(joint, tau):
 
 @compiled
 def project_frame_slope(carried, place, slope):
-    """Project the slope of a wrench between frames on the coordinates: slope += J^T K J."""
+    """Project the d(wrench)/d(twist) K between two frames on the coordinates: slope += J^T K J."""
     n, wrench_slope = carried.nsupport, carried.wrench_slope
     jacobian, support = carried.jacobian, carried.support
     for k in range(n):
@@ -209,7 +226,7 @@ def project_frame_slope(carried, place, slope):
 
 @compiled
 def project_slope(run, joint):
-    """Project the slope of the joint's wrench on the coordinates: slope += J^T K J."""
+    """Project the joint's d(wrench)/d(twist) K on the coordinates: slope += J^T K J."""
     slope, wrench_slope = run.slope, joint.wrench_slope
     place = run.place
     if joint.first < 0:
@@ -217,7 +234,7 @@ def project_slope(run, joint):
         return
     at, sines = place[joint.first], joint.sines
     sy, cy, sp, cp = sines[0], sines[1], sines[2], sines[3]
-    # Turn the columns, then the rows, of the part that belongs to rotations.
+    # From angular velocity to rates of yaw, pitch and roll: the columns of K, then its rows.
     for r in range(6):
         a, b, c = wrench_slope[r, 3], wrench_slope[r, 4], wrench_slope[r, 5]
         wrench_slope[r, 3], wrench_slope[r, 4] = c, cy * b - sy * a
@@ -231,21 +248,21 @@ def project_slope(run, joint):
             slope[at + r, at + k] += wrench_slope[r, k]
 
 
-# Where bodies are, and how they move: what joints need that are reached through frames.
+# Forward kinematics of the bodies that carry joints reached through frames.
 
 
 @compiled
 def matrix_times_vector(columns, x, y, z):
-    """Matrix, given by its nine numbers column by column, times a vector."""
+    """Product of a matrix, nine numbers column by column, and a vector."""
     first = add_scaled(scale(x, get_vector(columns, 0)), y, get_vector(columns, 3))
     return add_scaled(first, z, get_vector(columns, 6))
 
 
 @compiled
 def place_bodies(run, q):
-    """Orientation and origin of all bodies at the coordinates q, and the Jacobian's columns.
+    """Find orientation and origin of all bodies at the coordinates q, and the Jacobian's columns.
 
-    A column has the velocity of the point of the body at the world's origin, and the angular one.
+    A column has the velocity of the body's point at the world's origin, then its angular velocity.
     """
     columns, bodies = run.world_jacobian, run.bodies
     for b in range(1, run.nb):
@@ -282,7 +299,7 @@ def point_acceleration(body, arm):
 
 @compiled
 def find_body_rates(run, v):
-    """Angular velocities of the bodies just placed, and accelerations at constant speeds v."""
+    """Find angular velocities of the bodies just placed, and accelerations at constant speeds v."""
     bodies = run.bodies
     for b in range(1, run.nb):
         body = bodies[b]

@@ -1,17 +1,18 @@
-"""Gears between a motor and its joint: elastic beyond their play, with hysteresis and losses.
+"""Gears between a motor and its joint: backlash, elasticity, kinematic error, hysteresis, friction.
 
 With the motor's coordinate m and the joint's k, the twist of a gear and its lever are
 
     twist = m + e(m) - k,    lever = 1 + e'(m),    e(m) = sum of a_i sin(n_i m + phase_i)
 
 e being the kinematic error. The torque on the joint is S(twist) + d d(twist)/dt + z: an elastic
-curve beyond the play with a damper that never make the teeth pull, and the torque z of bristles
-that hold the two sides by friction. The motor feels that torque times the lever, and friction of
-its own. Bristles follow Dahl's law, which knows no time:
+curve S beyond the backlash with a damper d, which together never pull the teeth, and the torque z
+of bristles, the hysteresis, by which the two sides hold each other within the backlash, too. The
+motor feels that torque times the lever, and friction of its own. Bristles follow Dahl's law, which
+does not depend on time:
 
     dz/d(twist) = z_max/b (1 - z/z_max sgn(d(twist)))
 
-so that z after a turn follows exactly from z before it. They store b z^2/(2 z_max) and lose
+so that z after a twist follows exactly from z before it. They store b z^2/(2 z_max) and lose
 z^2/z_max per angle.
 
 Compiled apart as `gears`, for runs that have some; what others call calls it.
@@ -27,14 +28,14 @@ from jointplay.physics.kernel.constants import GEAR_BENDS, JOINT_FRICTION_SPEED
 from jointplay.physics.kernel.layout import GEAR, GEAR_ROW, GEAR_TORQUE
 
 LEAST_TURN = 1e-12
-"""First twist that is tried beyond the last one in a search for a torque [rad]."""
+"""First twist beyond the last one that is tried in a search for a torque [rad]."""
 HALVINGS = 64
-"""By which the interval of that search becomes no more than rounding."""
+"""Bisections of that search, after which its interval is no wider than rounding."""
 
 
 @compiled
 def _elastic_torque(gear, depth):
-    """Elastic torque at a twist `depth` beyond the play, which is not negative."""
+    """Elastic torque at a twist `depth` >= 0 beyond the backlash, a piecewise linear curve."""
     torque = start = 0.0
     for k in range(GEAR_BENDS):
         end = gear.bend_twists[k]
@@ -45,8 +46,8 @@ def _elastic_torque(gear, depth):
 
 
 @compiled
-def _take_twist(gear, twist):
-    """Find elastic torque and hysteresis at a twist, from the hysteresis at the last one."""
+def _set_twist(gear, twist):
+    """Set the twist; find elastic torque and, from that at the last twist, hysteresis."""
     gear.twist = twist
     depth = abs(twist) - gear.half_play
     gear.elastic = _elastic_torque(gear, depth) if depth > 0.0 else 0.0
@@ -60,6 +61,7 @@ def _take_twist(gear, twist):
 
 @compiled
 def _commit_gear(gear):
+    """Keep twist and hysteresis for the next step to go on from."""
     gear.last_twist, gear.last_hysteresis = gear.twist, gear.hysteresis
 
 
@@ -74,14 +76,7 @@ def _place_gears(run, q):
             error += gear.amplitude[k] * math.sin(angle)
             lever += gear.amplitude[k] * gear.order[k] * math.cos(angle)
         gear.lever = lever
-        _take_twist(gear, motor + error - q[gear.link])
-
-
-@compiled
-def _commit_gears(run):
-    """See `commit_gears`."""
-    for gear in run.gears:
-        _commit_gear(gear)
+        _set_twist(gear, motor + error - q[gear.link])
 
 
 @compiled
@@ -94,13 +89,13 @@ def mark_gears(run, marks):
 
 @compiled
 def _held_torque(gear):
-    """Torque that teeth and bristles hold at rest."""
+    """Torque on the joint that teeth and bristles hold at rest."""
     return math.copysign(gear.elastic, gear.twist) + gear.hysteresis
 
 
 @compiled
 def _tooth_torque(gear, v):
-    """Torque that teeth transmit, the side in contact, and the teeth's rate."""
+    """Torque of the teeth >= 0, which flank is in contact (+1, -1, 0), and its rate of approach."""
     if gear.elastic <= 0.0:
         return 0.0, 0.0, 0.0
     side = math.copysign(1.0, gear.twist)
@@ -110,10 +105,10 @@ def _tooth_torque(gear, v):
 
 @compiled
 def _gear_friction(gear, speed):
-    """Friction on the motor at its speed, and its slope.
+    """Friction on the motor at its speed, and its derivative.
 
-    It grows with the torque that the gear holds: by one part where the motor drives, by another
-    where it is driven.
+    It grows with the torque that the gear holds: by one factor where the motor drives the joint, by
+    another where the joint drives it.
     """
     if gear.rubs == 0:
         return 0.0, 0.0
@@ -166,7 +161,7 @@ def _add_gear_losses(run, v):
 
 @compiled
 def record_gears(run, row):
-    """Write torque and hysteresis of each gear into a record's row."""
+    """Write torque and hysteresis of each gear into a recorded row."""
     at = run.columns[GEAR_TORQUE]
     for gear in run.gears:
         row[at] = gear.torque
@@ -179,13 +174,14 @@ _PLACE, _COMMIT, _APPLY, _SLOPES, _LOSSES = range(5)
 
 @compiled
 def gears(address, q, v, tau, _time, task):
-    """Do one of the following (`access.RUN_PART`)."""
+    """Carry out one of the tasks above (`access.RUN_PART`)."""
     run = run_at(address)
     nv = run.nv
     if task == _PLACE:
         _place_gears(run, carray(q, (nv,)))
     elif task == _COMMIT:
-        _commit_gears(run)
+        for gear in run.gears:
+            _commit_gear(gear)
     elif task == _APPLY:
         _apply_gears(run, carray(v, (nv,)), carray(tau, (nv,)))
     elif task == _SLOPES:
@@ -196,7 +192,7 @@ def gears(address, q, v, tau, _time, task):
 
 @compiled
 def place_gears(run, q):
-    """Find all that depends on the coordinates alone."""
+    """Find levers, twists, elastic torques and hysteresis, which depend on q alone."""
     if run.ng > 0:
         run_part(run.gear_part, run, q, q, q, 0.0, _PLACE)
 
@@ -210,21 +206,21 @@ def commit_gears(run):
 
 @compiled
 def apply_gears(run, v, tau):
-    """Add the torques at the velocities v, after `place_gears`."""
+    """Add the gears' torques at the velocities v to tau; after `place_gears`."""
     if run.ng > 0:
         run_part(run.gear_part, run, v, v, tau, 0.0, _APPLY)
 
 
 @compiled
 def add_gear_slopes(run, v):
-    """Add the derivatives of the torques by velocity to the slope."""
+    """Add the velocity derivatives of the gears' torques to d(tau_c)/dv."""
     if run.ng > 0:
         run_part(run.gear_part, run, v, v, v, 0.0, _SLOPES)
 
 
 @compiled
 def add_gear_losses(run, v):
-    """Add the power dissipated at the velocities v."""
+    """Add the power dissipated in the gears at the velocities v."""
     if run.ng > 0:
         run_part(run.gear_part, run, v, v, v, 0.0, _LOSSES)
 
@@ -234,35 +230,36 @@ _gear = pointer_to(GEAR_ROW)
 
 @compiled
 def turn_slowly(address, torques, twists):
-    """Load a gear with one torque after another, at no speed, from where `row` has it.
+    """Load a gear quasi-statically with one torque after another, from its last twist.
 
-    Where several twists bear a torque the gear goes no farther than to the first.
+    Where several twists bear a torque, the gear stops at the first.
 
     Args:
-        address: of a record `layout.GEAR_ROW`, which keeps where the gear ends.
-        torques: (n,) [N m].
-        twists: result, (n,) [rad].
+        address: address of a record `layout.GEAR_ROW`, in which the gear's state is kept.
+        torques: torques on the joint, shape (n,) [N m].
+        twists: result, shape (n,) [rad].
     """
     gear = carray(_gear(address), (1,))[0]
     for i in range(len(torques)):
         begin = gear.last_twist
-        _take_twist(gear, begin)
+        _set_twist(gear, begin)
         missing = torques[i] - _held_torque(gear)
         if missing != 0.0:
+            # Bracket the twist by doubling, then bisect.
             sign = math.copysign(1.0, missing)
             low, high = 0.0, LEAST_TURN
             while True:
-                _take_twist(gear, begin + sign * high)
+                _set_twist(gear, begin + sign * high)
                 if not sign * (_held_torque(gear) - torques[i]) < 0.0:
                     break
                 low, high = high, 2.0 * high
             for _ in range(HALVINGS):
                 middle = 0.5 * (low + high)
-                _take_twist(gear, begin + sign * middle)
+                _set_twist(gear, begin + sign * middle)
                 if sign * (_held_torque(gear) - torques[i]) < 0.0:
                     low = middle
                 else:
                     high = middle
-            _take_twist(gear, begin + sign * high)
+            _set_twist(gear, begin + sign * high)
         _commit_gear(gear)
         twists[i] = gear.twist

@@ -1,9 +1,12 @@
-"""What the compiled code knows of a run: records of named fields, and the arrays they point to.
+"""Memory layout of a run: records of named fields, and the arrays that they point to.
 
 A compiled call costs about 0.1 us for every array it is given. The kernels are therefore given one
 record, `RUN`, which holds numbers, and addresses of arrays and of the other records. Each array is
 declared here once, with its shape in terms of the record's own sizes: `Workspace` allocates it so,
 and in compiled code `run.minv` is that array (`access`), while in Python it is its address.
+
+In order: how records are declared; the records of a joint, a contact, and what acts on single
+coordinates; the columns of a recorded row; `RUN` itself; and what Python fills these from.
 """
 
 from __future__ import annotations
@@ -20,29 +23,35 @@ from jointplay.physics.contact.machine_code import MAX_PARAMETERS
 from jointplay.physics.kernel.constants import AZIMUTHS, GEAR_BENDS, GEAR_ORDERS, NEVER, POWERS
 
 DRIVE, NORMAL, FRICTION, JOINT_FRICTION, GEAR, FILM = range(len(POWERS))
-"""Places of the powers in `RUN`'s arrays."""
+"""Indices of the powers (`constants.POWERS`) in `RUN.power`, `RUN.work` and alike."""
 
 (
-    START, START_SPEED, ACCELERATION, MIDDLE, MIDDLE_SPEED, HALF, JERK, MEAN, PATH_ROWS,
-) = range(9)  # fmt: skip
-"""Rows of `RUN.path`: the state at the start of the predicted path and what changes it, the state
-in its middle, `half` at its start, and the mean acceleration of the last macro step."""
+    START_SPEED, ACCELERATION, MIDDLE, MIDDLE_SPEED, HALF, JERK, MEAN, PATH_ROWS,
+) = range(8)  # fmt: skip
+"""Rows of `RUN.path`, the predicted path of a macro step: velocity and acceleration at its start,
+position and velocity in its middle, `half` at its start, its constant jerk, and the mean
+acceleration of the last macro step."""
 
 (
     SPEED, PUSH, BASE, ERROR, STEP, LAST, MARKS, INERTIA, TRIAL_ROWS,
 ) = range(9)  # fmt: skip
-"""Rows of `RUN.trial`; see `solve`."""
+"""Rows of `RUN.trial`, the velocity solve (`solve`): the velocity tried, the forces at it, the
+velocity without them, the residual, Newton's step, the velocity before that step, which coordinates
+take part, and their inertias."""
 
 MIN_APPROACH_SPEED = 1e-9
 """Keeps ddelta/ddelta0 defined where a contact begins with no depth and no speed [m/s]."""
 STORED = 0.4
 """Energy stored in a contact over its elastic force times its depth: Hertz's, 1/(1 + 3/2)."""
 SPEED_LIMIT = 1e4
-"""Generalised speed at which a run has run away [m/s or rad/s]."""
+"""Sum of all generalised speeds beyond which a run counts as run away [m/s and rad/s]."""
 NO_VIRTUAL_LINK = -1
-"""`first` of a joint whose bearing and journal are reached through their frames."""
+"""Value of `JOINT.first` where bearing and journal are reached through their frames instead of the
+coordinates of a virtual link."""
 POSE = 12
 """Numbers of a pose: the journal's centre and its orientation row by row, in the bearing frame."""
+
+# Declaring records.
 
 _INT, _FLOAT = np.int64, np.float64
 
@@ -56,19 +65,19 @@ class Array:
 
     kind: np.dtype
     shape: tuple[Size, ...]
-    """In which compiled code has it."""
+    """Shape that compiled code sees."""
     room: tuple[Size, ...]
-    """In which it is allocated: the largest shape that it can have."""
+    """Shape that is allocated, the largest that `shape` can become."""
     changes: bool
     """Whether a macro step of the multi-rate method changes it."""
 
 
 ARRAYS: dict[np.dtype, dict[str, Array]] = {}
-"""Arrays that records point to, by their fields."""
+"""Declared arrays of each record, by the fields that point to them."""
 ADDRESSES: dict[np.dtype, frozenset[str]] = {}
-"""All fields of records that are addresses: of these arrays, of laws and of their numbers."""
+"""Names of all fields of each record that are addresses: of its arrays, of laws, of numbers."""
 _ADDRESS = object()
-"""Kind of a field that is an address of something else than a declared array."""
+"""Kind of a field that is an address, but not of an array declared here."""
 
 
 def _array(
@@ -86,7 +95,7 @@ def _integers(*shape: Size) -> Array:
 
 
 def _record(**fields: Any) -> np.dtype:
-    """Record of numbers, tuples (kind, shape) of numbers, `Array` or `_ADDRESS`."""
+    """Declare a record. Fields are numbers, (kind, shape) for several, an `Array` or `_ADDRESS`."""
     arrays = {name: kind for name, kind in fields.items() if isinstance(kind, Array)}
     others = {name for name, kind in fields.items() if kind is _ADDRESS}
     fields |= dict.fromkeys(arrays.keys() | others, _INT)
@@ -101,7 +110,7 @@ def _record(**fields: Any) -> np.dtype:
 
 
 def term(size: Size) -> tuple[int, str | None]:
-    """A size as a factor and the field that it multiplies, if any."""
+    """Split a size into a factor and the name of the field that it multiplies, if any."""
     if isinstance(size, int):
         return size, None
     factor, _, name = size.rpartition("*")
@@ -109,10 +118,12 @@ def term(size: Size) -> tuple[int, str | None]:
 
 
 def extents(shape: Sequence[Size], record: np.ndarray) -> tuple[int, ...]:
-    """A shape as numbers, given the record that it belongs to."""
+    """Evaluate a shape with the sizes that a record has."""
     terms = map(term, shape)
     return tuple(factor if name is None else factor * int(record[name]) for factor, name in terms)
 
+
+# Records of joints and contacts, of drives, gears, loads and bodies.
 
 _BETWEEN_FRAMES = {
     "nsupport": _INT,
@@ -126,16 +137,16 @@ _BETWEEN_FRAMES = {
     "bearing_placement": (_FLOAT, (12,)),  # in the bodies: rotation row by row, translation
     "journal_placement": (_FLOAT, (12,)),
 }
-"""Of what acts between two frames, a joint's or a load's: bearing (the first) and journal."""
+"""Fields of what acts between two frames, a joint or a load: bearing (first frame), journal."""
 
 JOINT = _record(
     # Addresses of laws and their numbers.
     normal_law=_ADDRESS,
     friction_law=_ADDRESS,
     film_law=_ADDRESS,
-    element_law=_ADDRESS,  # of a rolling bearing, whose numbers are `dimensions`; and
-    elements=_ADDRESS,  # what it answers, see `contact.rolling`
-    dimensions=_ADDRESS,
+    element_law=_ADDRESS,  # law of a whole joint, whose parameters are `dimensions`
+    elements=_ADDRESS,  # its results: wrench, stiffness, ..., see `contact.resultant`
+    dimensions=_ADDRESS,  # of the surfaces, for `geometry.touch`, or of `element_law`
     # Addresses of what is compiled apart (`access.PART`), where the joint has it.
     film_part=_ADDRESS,
     element_part=_ADDRESS,
@@ -143,15 +154,15 @@ JOINT = _record(
     **_BETWEEN_FRAMES,
     sliding_work=_floats(2, "wearing", AZIMUTHS),  # of the bore, of the journal
     # What it is.
-    resultant=_INT,  # whether a law answers for all of it (`rolling`)
-    bristles=_INT,
-    shape=_INT,
-    count=_INT,
-    first=_INT,
-    must_not_touch=_INT,
+    resultant=_INT,  # whether one law gives the wrench of the whole joint (`rolling`)
+    bristles=_INT,  # whether its friction law has bristles
+    shape=_INT,  # `geometry.Shape`
+    count=_INT,  # number of contacts
+    first=_INT,  # first of the six coordinates of its virtual link, or `NO_VIRTUAL_LINK`
+    must_not_touch=_INT,  # number of contacts, the first ones, that would break the film
     wearing=_INT,  # contacts whose sliding work is counted
     sections=_INT,  # of the film; 0 for none
-    limit=_FLOAT,  # gap at which the journal has broken out [m]
+    limit=_FLOAT,  # gap (negative) below which the journal has broken out [m]
     rest_mass=_FLOAT,  # whose impacts damping at rest is referred to [kg]
     friction_parameters=(_FLOAT, (MAX_PARAMETERS,)),
     # Film.
@@ -159,108 +170,109 @@ JOINT = _record(
     clearance=_FLOAT,
     thinnest=_FLOAT,  # eccentricity ratio at which the film is thinnest
     transition=_FLOAT,  # depth over which it fades [m]
-    lag_mass=_FLOAT,  # of the explicit methods [kg]
+    lag_mass=_FLOAT,  # mass that the lag of explicit steps keeps stable (`film`) [kg]
     film_parameters=(_FLOAT, (MAX_PARAMETERS,)),
     film_memory=(_FLOAT, (2, 5)),  # by section: force and velocity at the last step; whether known
     # Now.
     touching=_INT,  # whether it takes part in the velocity solve
     cage=_FLOAT,  # azimuth of the first element [rad]
-    cage_start=_FLOAT,  # of Runge-Kutta's step, and
-    cage_sum=_FLOAT,  # the weighted sum of its rates so far
-    pose=(_FLOAT, (POSE,)),
+    cage_start=_FLOAT,  # the same at the start of a Runge-Kutta step
+    cage_sum=_FLOAT,  # weighted sum of its rates in that step so far
+    pose=(_FLOAT, (POSE,)),  # of the journal in the bearing frame
     sines=(_FLOAT, (4,)),  # sine and cosine of yaw, of pitch
-    twist=(_FLOAT, (6,)),
+    twist=(_FLOAT, (6,)),  # velocity of the journal's centre, angular velocity, bearing frame
     wrench=(_FLOAT, (6,)),  # force and moment about the journal's centre, in the bearing frame
-    film_wrench=(_FLOAT, (6,)),  # its part that is the film's
+    film_wrench=(_FLOAT, (6,)),  # the film's part of it
     wrench_slope=(_FLOAT, (6, 6)),  # d(wrench)/d(twist)
     # For record and audit.
     mean_force=(_FLOAT, (3,)),  # over the stages of the last step, where there are stages
     mean_film_force=(_FLOAT, (3,)),
-    impulse=(_FLOAT, (3,)),
-    peak=(_FLOAT, (3,)),
+    impulse=(_FLOAT, (3,)),  # of the force, since the start [N s]
+    peak=(_FLOAT, (3,)),  # largest force since the last record, and its square
     peak_square=_FLOAT,
 )
 """One joint with clearance."""
 
 CONTACT = _record(
-    parameters=(_FLOAT, (MAX_PARAMETERS,)),
-    # Now: geometry, then what the contact answers to the velocity it meets.
+    parameters=(_FLOAT, (MAX_PARAMETERS,)),  # of the normal-force law
+    # Now: geometry, then the response to the velocity.
     touching=_INT,
-    gap=_FLOAT,
-    direction=(_FLOAT, (3,)),  # from the bearing into the journal
-    arm=(_FLOAT, (3,)),  # of the contact point from the journal's centre
-    elastic=_FLOAT,
-    rate=_FLOAT,
-    speed=_FLOAT,
+    gap=_FLOAT,  # negative in contact [m]
+    direction=(_FLOAT, (3,)),  # normal, from the bearing into the journal
+    arm=(_FLOAT, (3,)),  # from the journal's centre to the contact point [m]
+    elastic=_FLOAT,  # normal force at zero rate [N]
+    rate=_FLOAT,  # of penetration [m/s]
+    speed=_FLOAT,  # of sliding [m/s]
     normal_now=_FLOAT,
     tangential_now=_FLOAT,
     friction_power=_FLOAT,  # dissipated [W]
     mu=_FLOAT,
     friction=(_FLOAT, (3,)),
     slip=(_FLOAT, (3,)),  # sliding velocity
-    approach=_FLOAT,
+    approach=_FLOAT,  # largest rate since the contact began, this state's included [m/s]
     reference=_FLOAT,  # speed that damping is referred to, at least `approach` [m/s]
-    # Bristles now.
     bristle_now=(_FLOAT, (3,)),
     dwell_now=_FLOAT,
     # Memory of the contact that lasts.
-    ddelta0=_FLOAT,
-    steps=_FLOAT,
-    own_impulse=_FLOAT,
-    bristle=(_FLOAT, (3,)),
+    ddelta0=_FLOAT,  # `approach` at the last state of the trajectory
+    steps=_FLOAT,  # since it began; 0 while there is none
+    own_impulse=_FLOAT,  # normal impulse since it began [N s]
+    bristle=(_FLOAT, (3,)),  # at `RUN.bent_at`
     dwell=_FLOAT,
-    elapsed=_FLOAT,  # since the bristles were as they are kept [s]
-    compliance=_FLOAT,  # inverse of the mass that it meets along its normal [1/kg]
-    braking=_FLOAT,  # expected of an impact, as in `RUN`; until
-    braking_end=_FLOAT,  # [s]
+    elapsed=_FLOAT,  # from the kept bristles to the state being evaluated [s]
+    compliance=_FLOAT,  # inverse of the effective mass along the normal [1/kg]
+    braking=_FLOAT,  # expected mean deceleration of an impact, measured as `RUN.braking`
+    braking_end=_FLOAT,  # time until which it is expected [s]
     # For record and audit.
     mean_normal=_FLOAT,  # over the stages of the last step, where there are stages
     mean_friction=(_FLOAT, (3,)),
-    normal=_FLOAT,
+    normal=_FLOAT,  # forces to be recorded [N]
     tangential=_FLOAT,
-    normal_peak=_FLOAT,
-    gap_min=_FLOAT,
-    onsets=_FLOAT,
-    ended=_FLOAT,
-    shortest=_FLOAT,
-    under=_FLOAT,
-    impulse=_FLOAT,
-    impulse_under=_FLOAT,
-    deepest=_FLOAT,
-    fastest=_FLOAT,
+    normal_peak=_FLOAT,  # since the last record
+    gap_min=_FLOAT,  # since the last record
+    onsets=_FLOAT,  # number of contacts begun
+    ended=_FLOAT,  # number of contacts ended; of these
+    shortest=_FLOAT,  # the fewest steps of one
+    under=_FLOAT,  # the number of those with too few steps to be resolved
+    impulse=_FLOAT,  # normal impulse since the start [N s]
+    impulse_under=_FLOAT,  # its part in contacts that were not resolved
+    deepest=_FLOAT,  # smallest gap since the start [m]
+    fastest=_FLOAT,  # fastest approach of a contact that has ended [m/s]
 )
 """One place where a joint's journal and bearing can touch."""
 
 DRIVE_ROW = _record(
     column=_INT,  # of the reference
-    coordinate=_INT,  # that it acts on
+    coordinate=_INT,  # on which it acts
     encoder=_INT,  # coordinate that its encoder measures
     kp=_FLOAT,
     kd=_FLOAT,
     armature=_FLOAT,  # > 0 prescribes the motion
-    limit=_FLOAT,  # of the effort, infinite for none; not of prescribed motion
+    limit=_FLOAT,  # largest effort, infinite for none; not of prescribed motion
     implicit=_INT,  # whether its damping is part of the velocity solve
     taken_at=_FLOAT,  # speed of the encoder at which its effort was found
 )
+"""A drive: position and speed feedback with feed-forward, or prescribed motion."""
+
 SERVO = _record(
     column=_INT,  # of the reference
-    coordinate=_INT,  # that it acts on
+    coordinate=_INT,  # on which it acts
     encoder=_INT,  # coordinate that its encoder measures
     stall=_FLOAT,  # effort per voltage at rest
     p_gain=_FLOAT,
     i_gain=_FLOAT,
     d_gain=_FLOAT,
-    differences=_INT,  # whether the D term has the speed from readings
+    differences=_INT,  # whether the D term takes the speed from differences of readings
     dead_band=_FLOAT,
     resolution=_FLOAT,  # of its encoder, 0 for none
     voltage=_FLOAT,  # largest
-    limit=_FLOAT,  # of the effort, infinite for none
-    period=_FLOAT,  # of its samples, 0 for none
-    next_sample=_FLOAT,
-    sampled_at=_FLOAT,
-    held=_FLOAT,  # voltage since the last sample, and before it
-    held_before=_FLOAT,
-    # Of the I and the D term, now and at the last state of the trajectory or sample.
+    limit=_FLOAT,  # largest effort, infinite for none
+    period=_FLOAT,  # between samples, 0 for a continuous controller
+    next_sample=_FLOAT,  # time [s]
+    sampled_at=_FLOAT,  # time of the last sample [s]
+    held=_FLOAT,  # voltage since the last sample
+    held_before=_FLOAT,  # voltage before it
+    # State of the I and the D term, now and at the last state of the trajectory or sample.
     integral=_FLOAT,  # voltage
     integral_before=_FLOAT,
     error=_FLOAT,
@@ -274,17 +286,19 @@ SERVO = _record(
 FRICTION_ROW = _record(
     coordinate=_INT,
     coulomb=_FLOAT,
-    stiction=_FLOAT,
-    stribeck=_FLOAT,
+    stiction=_FLOAT,  # excess of the friction at rest over Coulomb's
+    stribeck=_FLOAT,  # speed of the Stribeck curve
     viscous=_FLOAT,
-    presliding=_FLOAT,  # bend of its bristles at breakaway, 0 for none
+    presliding=_FLOAT,  # deflection of its bristles at breakaway, 0 for none
     damping=_FLOAT,  # of the bristles
-    bend=_FLOAT,  # now
-    kept_bend=_FLOAT,  # at `RUN.bent_at`
+    bend=_FLOAT,  # deflection of the bristles now
+    kept_bend=_FLOAT,  # deflection at `RUN.bent_at`
     torque=_FLOAT,
 )
+"""Friction of one joint; see `kernel.drive`."""
+
 GEAR_ROW = _record(
-    motor=_INT,
+    motor=_INT,  # coordinates of the motor and of the joint
     link=_INT,
     half_play=_FLOAT,
     damping=_FLOAT,
@@ -300,13 +314,13 @@ GEAR_ROW = _record(
     running_torque=_FLOAT,  # friction on the motor without load
     viscous=_FLOAT,
     rubs=_INT,  # whether it has bristles or friction, which act within its play, too
-    driving_loss=_FLOAT,  # friction per torque held where the motor drives, and where it is driven
-    driven_loss=_FLOAT,
+    driving_loss=_FLOAT,  # friction per torque held where the motor drives
+    driven_loss=_FLOAT,  # the same where the joint drives the motor
     # Now.
     twist=_FLOAT,
     lever=_FLOAT,  # turn of the joint per turn of the motor at constant twist
     elastic=_FLOAT,  # torque, without sign
-    hysteresis=_FLOAT,
+    hysteresis=_FLOAT,  # torque of the bristles
     torque=_FLOAT,  # transmitted to the joint
     # At the last state of the trajectory.
     last_twist=_FLOAT,
@@ -315,17 +329,17 @@ GEAR_ROW = _record(
 """One gear; see `kernel.gear`."""
 
 BODY = _record(
-    parent=_INT,  # place among the bodies; 0 is the ground
+    parent=_INT,  # index among the bodies; 0 is the ground
     coordinate=_INT,
-    slides=_INT,  # along its z; else it turns about it
+    slides=_INT,  # 1: it slides along its z axis; 0: it turns about it
     turn=(_FLOAT, (9,)),  # orientation in the parent at coordinate zero, row by row
     shift=(_FLOAT, (3,)),  # origin in the parent at coordinate zero
     # Now, in the world.
     rotation=(_FLOAT, (9,)),  # column by column
     origin=(_FLOAT, (3,)),
-    omega=(_FLOAT, (3,)),
-    alpha=(_FLOAT, (3,)),  # angular acceleration, and that of the origin, at constant speeds
-    lift=(_FLOAT, (3,)),
+    omega=(_FLOAT, (3,)),  # angular velocity
+    alpha=(_FLOAT, (3,)),  # angular acceleration at constant generalised speeds
+    lift=(_FLOAT, (3,)),  # acceleration of the origin at constant generalised speeds
 )
 """One body that a coordinate moves."""
 
@@ -337,33 +351,35 @@ LOAD = _record(
     numbers=_ADDRESS,  # the law's p
     place=_floats("ninputs"),  # x; `pose` between frames
     rate=_floats("nrates"),  # dx; `twist` between frames
-    out=_floats("nanswers"),  # what it answers now; `wrench` between frames
-    elastic=_floats(2, "nanswers"),  # what it answers at rest, if it stores energy; room
-    inputs=_integers("ninputs"),  # coordinates
-    outputs=_integers("noutputs"),
+    out=_floats("nanswers"),  # efforts now; `wrench` between frames
+    elastic=_floats(2, "nanswers"),  # efforts at rest, if it stores energy; scratch room
+    inputs=_integers("ninputs"),  # coordinates that the law reads
+    outputs=_integers("noutputs"),  # coordinates on which it acts
     bounds=_floats("nbounds"),  # largest efforts on these, if they are limited
     **_BETWEEN_FRAMES,  # of its first and its second frame
     # What it is.
-    frames=_INT,  # whether it acts between two frames; else on coordinates
+    frames=_INT,  # 1: it acts between two frames; 0: on coordinates
     ninputs=_INT,
     noutputs=_INT,
     nrates=_INT,
     nanswers=_INT,
     nbounds=_INT,
-    stores=_INT,  # whether its answer at rest is the slope of an energy
-    implicit=_INT,  # whether the rest of it depends on velocity: NEVER, ALWAYS, IF_PRESSED
+    stores=_INT,  # whether its effort at rest is the gradient of an energy
+    implicit=_INT,  # when the rest depends on velocity: `constants.NEVER`, `ALWAYS`, `IF_PRESSED`
     # Now.
     active=_INT,  # whether it takes part in the velocity solve
     pose=(_FLOAT, (POSE,)),
     twist=(_FLOAT, (6,)),
     wrench=(_FLOAT, (6,)),
     wrench_slope=(_FLOAT, (6, 6)),
-    power=_FLOAT,  # [W] of all of it, or of what it does not store
-    before=_FLOAT,
+    power=_FLOAT,  # of the load, or of its dissipative part if it stores energy [W]
+    before=_FLOAT,  # power at the start of the step [W]
     work=_FLOAT,  # since the start [J]
-    gathered=_FLOAT,  # of Runge-Kutta
+    gathered=_FLOAT,  # work in a Runge-Kutta step so far [J]
 )
 """One load whose law is called by address; see `load`."""
+
+# A recorded row.
 
 ROW: dict[str, tuple[Size, ...]] = {
     "time": (),
@@ -384,17 +400,17 @@ ROW: dict[str, tuple[Size, ...]] = {
     "load_force": ("load_columns",),
     "load_work": ("nl",),
 }
-"""Quantities of a record, in their order, and their shapes in terms of the run's sizes."""
+"""Quantities of a recorded row, in order, and their shapes in terms of the run's sizes."""
 
 
 class Quantity(NamedTuple):
-    """Where a quantity stands in the records of a run."""
+    """Columns of a quantity in the records of a run, and its shape."""
 
     columns: slice
     shape: tuple[int, ...]
 
     def of(self, rows: np.ndarray) -> np.ndarray:
-        """Its values in records (n, columns), shape (n, *shape)."""
+        """Values of the quantity in records (n, columns), shape (n, *shape)."""
         return rows[:, self.columns].reshape(len(rows), *self.shape)
 
 
@@ -402,7 +418,7 @@ class Quantity(NamedTuple):
     TIME, Q, V, DRIVE_EFFORT, WORK, FORCE, FORCE_PEAK, FILM_FORCE, NORMAL_FORCE, TANGENTIAL_FORCE,
     NORMAL_PEAK, GAP_MIN, CAGE, GEAR_TORQUE, BRISTLE_TORQUE, LOAD_FORCE, LOAD_WORK,
 ) = range(len(ROW))  # fmt: skip
-"""Their places in `RUN.columns`."""
+"""Indices of these quantities in `RUN.columns`."""
 
 RUN = _record(
     # The state and what acts on it.
@@ -410,56 +426,58 @@ RUN = _record(
     v=_floats("nv", changes=True),
     half=_floats("nv", changes=True),  # velocities half a step ago
     a=_floats("nv", changes=True),  # accelerations; for single-rate methods Pinocchio's
-    tau=_floats("nv", changes=True),
+    tau=_floats("nv", changes=True),  # generalised forces; multi-rate: without `velocity_forces`
     angular=_floats("nv"),  # 1 for angles, 0 for lengths
-    inertia=_floats("nv"),  # of each coordinate alone, as of the last middle
-    weights=_floats("nv"),  # 0 for prescribed coordinates, whose inertia is no real one
+    inertia=_floats("nv"),  # of each coordinate alone, 1/(M^-1)_ii at the last middle
+    weights=_floats("nv"),  # 0 for prescribed coordinates, whose armature is no real inertia
     drive=_floats("nv", changes=True),  # efforts of the drives
-    velocity_forces=_floats("nv", changes=True),  # of what depends on velocity
-    # Accelerations by these; how fast they changed; those before; half of how fast that changed.
+    velocity_forces=_floats("nv", changes=True),  # forces tau_c that depend on velocity (`solve`)
+    # M^-1 tau_c: the last, its rate of change, the one before, its second divided difference.
     pushed=_floats(4, "nv", changes=True),
-    load_forces=_floats("nv", changes=True),  # of the loads' part that does not
-    # Inverse of the mass matrix, and acceleration without any of the forces reckoned here:
+    load_forces=_floats("nv", changes=True),  # forces of loads that do not depend on velocity
+    # Inverse of the mass matrix M^-1, and free acceleration: that without any force found here.
     minv=_floats("nv", "nv", changes=True),  # now
     free=_floats("nv", changes=True),
     minv_rate=_floats("nv", "nv", changes=True),  # their rates along the present chord
     free_rate=_floats("nv", changes=True),
-    minv_middle=_floats("nv", "nv"),  # as of the last middle
+    minv_middle=_floats("nv", "nv"),  # at the last middle of a macro step
     free_middle=_floats("nv"),
     minv_slope=_floats("nv", "nv"),  # first and second divided differences of the middles
     free_slope=_floats("nv"),
     minv_curve=_floats("nv", "nv"),
     free_curve=_floats("nv"),
     found_minv=_floats("nv", "nv"),  # Pinocchio's, its upper triangle, ideal loops closed
-    found_free=_floats("nv"),  # likewise
-    path=_floats(PATH_ROWS, "nv"),
-    # The velocity solve, its arrays used for those coordinates that take part.
-    slope=_floats("active", "active", room=("nv", "nv")),  # of d(velocity_forces)/dv
-    compliance=_floats("active", "active", room=("nv", "nv")),  # of `minv`, unless these are all
-    inverse=_floats(  # transposed, of the last matrix, of `factored` coordinates
+    found_free=_floats("nv"),  # Pinocchio's, ideal loops closed
+    path=_floats(PATH_ROWS, "nv"),  # predicted path of the macro step
+    # The velocity solve on the `active` coordinates.
+    slope=_floats("active", "active", room=("nv", "nv")),  # d(tau_c)/dv
+    compliance=_floats("active", "active", room=("nv", "nv")),  # M^-1 of these, if they are not all
+    inverse=_floats(  # transposed inverse of the last Newton matrix, of `factored` coordinates
         "active", "active", room=("nv", "nv"), changes=True
     ),
     trial=_floats(TRIAL_ROWS, "nv"),
     scratch=_floats("nv"),
-    stages=_floats(4, "nv"),  # of Runge-Kutta: q, v at the step's start, sums of their rates
+    stages=_floats(4, "nv"),  # of Runge-Kutta: q, v at the step's start, weighted sums of v, a
     # Adaptive micro steps.
-    earlier_a=_floats(3, "nv", changes=True),  # accelerations at the last two states; room
-    row_before=_floats("record_columns"),  # records of the states that others are interpolated
-    row_after=_floats("record_columns"),  # between
+    earlier_a=_floats(3, "nv", changes=True),  # accelerations at the last two states; scratch room
+    row_before=_floats("record_columns"),  # rows of the two states between which records are
+    row_after=_floats("record_columns"),  # interpolated
     copies=_integers("ncopies", 3),  # addresses of an array and its copy, length in 8-byte words
-    world_jacobian=_floats("nv", 6),  # Pinocchio's data.J by columns, or of `frames.place_bodies`
-    open_minv=_floats("nv", "nv"),  # Pinocchio's without loops, if there are `holds`
-    open_free=_floats("nv"),
-    loop_rows=_floats("3*nh", "nv"),  # see `loops`
+    # Bodies and loops.
+    world_jacobian=_floats("nv", 6),  # columns of Pinocchio's data.J, or of `frames.place_bodies`
+    open_minv=_floats("nv", "nv"),  # Pinocchio's M^-1 and free acceleration of the open tree,
+    open_free=_floats("nv"),  # if there are `holds`
+    loop_rows=_floats("3*nh", "nv"),  # constraint Jacobian; see `loops`
     loop_residual=_floats(2, "3*nh"),
     loop_correction=_floats(2, "nv"),
     loop_minv=_floats("nv", "nv"),
+    # Inputs and records.
     reference=_floats("nref", 3, "nu"),  # positions, speeds and feed-forward efforts by node
     record=_floats("rows", "record_columns"),
-    windows=_floats("nwindows", 2),  # steps from which and to which every step is recorded
+    windows=_floats("nwindows", 2),  # first and last of the steps all of which are recorded
     touched=_integers("nv"),  # coordinates of the velocity solve
     exchanged=_integers("nv"),  # rows exchanged when `inverse` was found
-    place=_integers("nv"),  # places of the coordinates among `touched`
+    place=_integers("nv"),  # index of each coordinate in `touched`
     joints=_array(JOINT, "nj"),
     contacts=_array(CONTACT, "nj", "width"),
     drives=_array(DRIVE_ROW, "nd"),
@@ -475,102 +493,103 @@ RUN = _record(
     load_part=_ADDRESS,
     servo_part=_ADDRESS,
     # Sizes.
-    nv=_INT,
-    nj=_INT,
-    width=_INT,
-    nu=_INT,
-    nd=_INT,
-    nf=_INT,
-    bristled=_INT,  # of these, those with bristles
-    ns=_INT,
-    ng=_INT,
-    nl=_INT,
-    nb=_INT,  # bodies, the ground among them; 0 if none need be placed
-    nh=_INT,
-    nref=_INT,
+    nv=_INT,  # coordinates
+    nj=_INT,  # joints with clearance
+    width=_INT,  # most contacts of a joint
+    nu=_INT,  # driven coordinates, the columns of the reference
+    nd=_INT,  # drives
+    nf=_INT,  # joints with friction of their own
+    bristled=_INT,  # those of them with bristles
+    ns=_INT,  # servos
+    ng=_INT,  # gears
+    nl=_INT,  # loads
+    nb=_INT,  # bodies, the ground included; 0 if none need be placed
+    nh=_INT,  # held pairs of points
+    nref=_INT,  # nodes of the reference
     record_columns=_INT,
-    cages=_INT,  # recorded: all joints if one of them is a rolling bearing
-    load_columns=_INT,  # recorded: what all loads answer
+    cages=_INT,  # cages recorded: of all joints if one of them is a rolling bearing
+    load_columns=_INT,  # efforts of all loads recorded
     nwindows=_INT,
     ncopies=_INT,
     # How to go on.
-    record_every=_INT,  # steps
+    record_every=_INT,  # steps between records
     until=_INT,  # step that no macro step goes beyond
-    suggested=_INT,  # length that the next macro step should have, in steps
-    longest=_INT,
-    unit=_INT,  # macro steps are multiples of this, unless they are shorter from the first
+    suggested=_INT,  # length that the next macro step should have [steps]
+    longest=_INT,  # macro step [steps]
+    unit=_INT,  # macro steps are multiples of this, unless one is shorter from the outset
     fixed=_INT,  # whether their length is given
-    macro=_INT,  # planned length of the macro step
+    macro=_INT,  # planned length of the macro step [steps]
     rows=_INT,  # room for records
-    fresh=_INT,  # whether no step has led to the state
-    through_frames=_INT,  # whether any joint is reached through frames of Pinocchio's
+    fresh=_INT,  # whether the state is the first, to which no step has led
+    through_frames=_INT,  # whether any joint is reached through Pinocchio's frames
     prescribed=_INT,  # whether any coordinate's motion is prescribed
-    dt=_FLOAT,  # of the step that follows; then of the one before
-    dt_before=_FLOAT,
-    reference_interval=_FLOAT,
+    dt=_FLOAT,  # time step [s]
+    dt_before=_FLOAT,  # length of the last micro step [s]
+    reference_interval=_FLOAT,  # between nodes of the reference [s]
     # Where the run is.
     step=_INT,
-    row=_INT,
-    stage=_INT,
-    status=_INT,
-    bad_contact=_INT,
-    pending=_INT,  # whether the works of the last step are not complete
-    commit=_INT,  # whether `load` completes a step or a stage
-    known_middles=_INT,  # middles of macro steps known so far, up to 3
-    known_free=_INT,  # those since velocities jumped
+    row=_INT,  # records written
+    stage=_INT,  # of a Runge-Kutta step
+    status=_INT,  # `constants.Status`
+    bad_contact=_INT,  # joint*width + contact, or load, that stopped the run
+    pending=_INT,  # whether the works of the last step have yet to be completed
+    commit=_INT,  # whether forces are evaluated at a state of the trajectory, not at a stage
+    known_middles=_INT,  # middles that the parabola of M^-1 goes through, up to 3
+    known_free=_INT,  # the same of the free acceleration: those since velocities jumped
     refused=_INT,  # whether a macro step is to be planned anew
     macros=_INT,  # macro steps done
-    touching=_INT,
+    touching=_INT,  # joints with a contact that touches
     active=_INT,  # coordinates of the velocity solve
     events=_INT,  # contacts that have begun or ended in this macro step
-    factored=_INT,
+    factored=_INT,  # coordinates of the matrix in `inverse`
     averaged=_INT,  # whether a step has stages, whose mean forces are recorded
     unsolved=_INT,  # velocity solves that did not converge
     unresolved=_INT,  # shortest micro steps whose error was not tolerable
     known_a=_INT,  # states of `earlier_a` since accelerations jumped, up to 2
-    iterations=_INT,
-    solves=_INT,
-    pushed_bends=_INT,  # whether their parabola was nearer to the last ones than their line
-    pushed_dt=_FLOAT,  # between the last two [s]
+    iterations=_INT,  # trial velocities of all velocity solves
+    solves=_INT,  # velocity solves
+    pushed_bends=_INT,  # whether `pushed` is extrapolated by a parabola, else by a line
+    pushed_dt=_FLOAT,  # between the last two values of `pushed` [s]
     time=_FLOAT,
     bent_at=_FLOAT,  # time at which bristles are kept [s]: half a step after the last state
     evaluated_at=_FLOAT,  # time of the state that the multi-rate method evaluated last [s]
-    load_time=_FLOAT,
-    path_start=_FLOAT,
-    path_span=_FLOAT,
-    fastest=_FLOAT,  # of the speeds of `angular` [rad/s]
-    departure=_FLOAT,  # of these angles from the last path, about [rad]; and how much of it is
-    departure_limit=_FLOAT,  # too much
+    load_time=_FLOAT,  # time of the state that `singlerate.evaluate_forces` evaluates [s]
+    path_start=_FLOAT,  # time at which the predicted path begins [s]
+    path_span=_FLOAT,  # its duration [s]
+    fastest=_FLOAT,  # largest speed of an angle [rad/s]
+    departure=_FLOAT,  # of angles from the predicted path, about [rad]
+    departure_limit=_FLOAT,  # departure beyond which a macro step ends [rad]
     tolerance=_FLOAT,  # of `path_error`
-    middle_time=_FLOAT,
-    mean_time=_FLOAT,  # of the last mean acceleration in `path`
-    middles_apart=_FLOAT,  # the last two
-    chord_end=_FLOAT,  # until which time `minv_rate` and `free_rate` hold [s]
+    middle_time=_FLOAT,  # time of the last middle [s]
+    mean_time=_FLOAT,  # time to which the last mean acceleration in `path` belongs [s]
+    middles_apart=_FLOAT,  # between the last two middles [s]
+    chord_end=_FLOAT,  # time until which `minv_rate` and `free_rate` hold [s]
     micro_tolerance=_FLOAT,  # of micro steps, see `adaptive`
-    shortest_micro=_FLOAT,  # micro step [s]
+    shortest_micro=_FLOAT,  # shortest micro step [s]
     longest_micro=_FLOAT,  # micro step that springs, gears and drives allow [s]
     stable_micro=_FLOAT,  # micro step that follows the contacts that touch now [s]
-    refused_at=_FLOAT,  # time of the state from which a micro step has to be shorter [s]; and
-    refused_step=_FLOAT,  # how long it is to be [s]
-    refused_length=_FLOAT,  # length of the first step that was refused at this time [s]
-    retried_at=_FLOAT,
-    micro_step=_FLOAT,  # that the last error suggests [s]
+    refused_at=_FLOAT,  # time of the state from which a micro step was refused [s]
+    refused_step=_FLOAT,  # length of the shorter step to be tried from there [s]
+    refused_length=_FLOAT,  # length of the first step refused there [s]
+    retried_at=_FLOAT,  # time of the state from which a step was refused last [s]
+    micro_step=_FLOAT,  # micro step that the last error suggests [s]
     earlier_dt=_FLOAT,  # between the states of `earlier_a` [s]
-    braking=_FLOAT,  # by impacts under way, as the root of twice a kinetic energy per time
-    moved=_FLOAT,  # size of what forces and inertia move at the last state, likewise
-    moved_by_forces=_FLOAT,  # by `velocity_forces` alone, at this one
+    # Sizes of accelerations: the root of twice the kinetic energy of a, a taken as a velocity.
+    braking=_FLOAT,  # largest deceleration by impacts under way
+    moved=_FLOAT,  # acceleration by forces and inertia at the last state
+    moved_by_forces=_FLOAT,  # acceleration by `velocity_forces` alone, at this state
     path_error=_FLOAT,  # of the acceleration at the middle of the path, relative
     work=(_FLOAT, (len(POWERS),)),  # since the start [J]
     before=(_FLOAT, (len(POWERS),)),  # powers at the start of the step [W]
     power=(_FLOAT, (len(POWERS),)),  # powers now [W]
-    stage_work=(_FLOAT, (len(POWERS),)),  # of Runge-Kutta: sums of the powers
-    columns=(_INT, (len(ROW),)),  # where the quantities of `ROW` begin in a record
-    law_numbers=(_FLOAT, (max(BRISTLE_NUMBERS, FILM_NUMBERS),)),
+    stage_work=(_FLOAT, (len(POWERS),)),  # work in a Runge-Kutta step so far [J]
+    columns=(_INT, (len(ROW),)),  # first column of each quantity of `ROW`
+    law_numbers=(_FLOAT, (max(BRISTLE_NUMBERS, FILM_NUMBERS),)),  # results of the last such law
 )
 """Everything about one run."""
 
 
-# Where the kernels act: what they know of a joint with clearance, its film, and a load.
+# What Python fills these records from: joints with clearance, loads, drives, friction and gears.
 
 Carriers = tuple[tuple[int, pin.SE3], tuple[int, pin.SE3]]
 """Two Pinocchio joints, and the placement of a frame in each."""
@@ -578,14 +597,14 @@ Carriers = tuple[tuple[int, pin.SE3], tuple[int, pin.SE3]]
 
 @dataclass(frozen=True)
 class JointSite:
-    """One joint with clearance, as the kernels have it."""
+    """One joint with clearance, ready for the kernels."""
 
     record: np.ndarray
-    """Of `JOINT`, shape (1,); what it points to is left to the workspace."""
+    """A record `JOINT`, shape (1,); the workspace sets its addresses of arrays."""
     parameters: np.ndarray
-    """Of the normal-force law, for each contact, shape (contacts, `MAX_PARAMETERS`)."""
+    """Parameters of the normal-force law of each contact, shape (contacts, `MAX_PARAMETERS`)."""
     dimensions: tuple[float, ...]
-    """Of its surfaces, as `geometry.touch` takes them [m]."""
+    """Dimensions of its surfaces, as `geometry.touch` takes them [m], or numbers of its law."""
     holds: bool = False
     """Whether springs, not surfaces, connect its bodies."""
     carriers: Carriers | None = None
@@ -599,19 +618,19 @@ class JointSite:
 PARTS = ("bearing", "journal")
 
 CarriedFrame = tuple[int, np.ndarray]
-"""A body by its place, and a frame's rotation, row by row, and origin in it, shape (12,)."""
+"""Index of a body, and a frame's rotation, row by row, and origin in it, shape (12,)."""
 
 
 @dataclass(frozen=True)
 class LoadSite:
-    """What the kernels know of one load (`kernel.load`), on coordinates or between two frames."""
+    """One load (`kernel.load`), on coordinates or between two frames, ready for the kernels."""
 
     law: int
     """Address of its law."""
     numbers: np.ndarray
-    """Of the law; what is written into it later, the law sees."""
+    """Numbers p of the law, read in place: the law sees what is written here later."""
     stores: bool = False
-    """Whether its answer at rest is the slope of an energy."""
+    """Whether its effort at rest is the gradient of an energy."""
     implicit: int = NEVER
     """When the rest of it depends on velocity: `constants.NEVER`, `ALWAYS` or `IF_PRESSED`."""
     inputs: tuple[int, ...] = ()
@@ -623,34 +642,31 @@ class LoadSite:
     carriers: Carriers | None = None
     """Between frames: Pinocchio joints that carry them, and the frames' placements in these."""
     signs: np.ndarray | None = None
-    """Of the coordinates that move the frames, as of a `JointSite`."""
+    """Coordinates that move one frame and not the other, as in a `JointSite`."""
 
     @property
     def size(self) -> int:
-        """Numbers that the law gives."""
+        """How many efforts the law gives."""
         return len(self.outputs) if self.carriers is None else 6
-
-
-# What acts on single coordinates, as the kernels have it: drives, friction, gears.
 
 
 @dataclass(frozen=True)
 class CoordinateTables:
-    """What acts on single coordinates."""
+    """Records of what acts on single coordinates, and the reference that drives follow."""
 
     drives: np.ndarray
-    """Of `DRIVE_ROW`, see `drive_row`."""
+    """Records `DRIVE_ROW`, see `drive_row`."""
     servos: np.ndarray
-    """Of `SERVO`."""
+    """Records `SERVO`."""
     frictions: np.ndarray
-    """Of `FRICTION_ROW`."""
+    """Records `FRICTION_ROW`."""
     gears: np.ndarray
-    """Of `GEAR_ROW`."""
+    """Records `GEAR_ROW`."""
     reference: np.ndarray
     """Rows of q, v and feed-forward effort of the nu driven coordinates, shape (nref, 3 nu),
     nref >= 2."""
     interval: float
-    """Between the rows of `reference` [s]."""
+    """Time between the rows of `reference` [s]."""
     nodes: int
     """Rows of the whole reference, of which `reference` is the beginning."""
 
@@ -664,15 +680,15 @@ def drive_row(
     armature: float = 0.0,
     limit: float = np.inf,
 ) -> np.ndarray:
-    """Record of the drive of one coordinate, shape (1,).
+    """Make the record of the drive of one coordinate, shape (1,).
 
     Args:
-        column: of the reference.
-        coordinate: that it acts on.
-        encoder: coordinate that its encoder measures; None takes its own.
+        column: column of the reference that it follows.
+        coordinate: coordinate on which it acts.
+        encoder: coordinate that its encoder measures; None: its own.
         kp, kd: gains [N m/rad, N m s/rad, or N/m, N s/m].
         armature: > 0 prescribes the motion; the model must have this armature [kg m^2 or kg].
-        limit: largest effort, to which others are cut [N m or N].
+        limit: effort at which it saturates [N m or N].
     """
     encoder = coordinate if encoder is None else encoder
     values = (column, coordinate, encoder, kp, kd, armature, limit, 0, 0.0)
@@ -680,9 +696,7 @@ def drive_row(
 
 
 def friction_row(coordinate: int, **fields: float) -> np.ndarray:
-    """Record of a joint's friction, shape (1,): fields of `FRICTION_ROW`; see
-    `drive.JointFriction`.
-    """
+    """Make the record of a joint's friction, shape (1,), from fields of `FRICTION_ROW`."""
     row = np.zeros(1, FRICTION_ROW)
     row["coordinate"], row["stribeck"] = coordinate, 1.0
     for name, value in fields.items():
@@ -691,7 +705,7 @@ def friction_row(coordinate: int, **fields: float) -> np.ndarray:
 
 
 def gear_row(**fields: Any) -> np.ndarray:
-    """Record of a gear, shape (1,): fields of `GEAR_ROW`, lists shorter."""
+    """Make the record of a gear, shape (1,), from fields of `GEAR_ROW`; lists may be shorter."""
     row = np.zeros(1, GEAR_ROW)
     row["bend_twists"], row["presliding"], row["lever"] = np.inf, 1.0, 1.0
     for name, value in fields.items():
@@ -703,5 +717,5 @@ def gear_row(**fields: Any) -> np.ndarray:
 
 
 def stacked(rows: Sequence[np.ndarray], kind: np.dtype) -> np.ndarray:
-    """All rows of one kind, an empty array if there are none."""
+    """Join records of one kind; an empty array if there are none."""
     return np.concatenate(rows) if rows else np.zeros(0, kind)

@@ -1,20 +1,20 @@
-"""Loads whose laws are called by address: springs, wrenches, stops, controllers, a user's own.
+"""Loads: springs, wrenches, stops, controllers, a user's own laws, called by address.
 
 A law is a compiled function
 
     law(time, x, dx, p, out)
 
-of the time [s] and what it reads. Between two frames x is the pose of the second one in the first
-(origin, then orientation row by row), dx its velocity and angular velocity there, and out the
-wrench on it: force, then moment about its origin, in axes of the first frame, whose body gets the
-opposite. On coordinates x and dx are positions and velocities, out the efforts. p are numbers of
-the load.
+of the time [s], positions x, velocities dx and the load's numbers p, which writes forces to out.
+Between two frames x is the pose of the second one in the first (origin, then orientation row by
+row), dx its velocity and angular velocity there, and out the wrench on it: force, then moment about
+its origin, in axes of the first frame, whose body gets the opposite. On coordinates x and dx are
+their positions and velocities, out the efforts.
 
-What a load answers at rest, law(time, x, 0), does not depend on velocity if it stores energy; the
-rest does, and takes part in the velocity solve. A load that stores none is evaluated at velocities
-extrapolated by half a step, as drives are.
+The force of a load that stores energy is split: the part at rest, law(time, x, 0), does not depend
+on velocity; the rest does, and takes part in the velocity solve. A load that stores none is
+evaluated at velocities extrapolated by half a step, as drives are.
 
-Compiled apart as `loads`, for runs that have some; what others call calls it.
+Compiled apart as `loads`, for runs that have some; the functions without underscore call it.
 """
 
 from __future__ import annotations
@@ -24,7 +24,12 @@ import math
 from jointplay.base.compiler import address_of, calling, carray, compiled, pointer
 from jointplay.physics.kernel.access import record_failure, run_at, run_part
 from jointplay.physics.kernel.constants import ALWAYS, IF_PRESSED, Status
-from jointplay.physics.kernel.frames import frame_twist, pose_of_frames, project_frame_slope
+from jointplay.physics.kernel.frames import (
+    frame_twist,
+    pose_of_frames,
+    project_frame_slope,
+    project_frame_wrench,
+)
 from jointplay.physics.kernel.layout import LOAD_FORCE, LOAD_WORK
 
 _BAD_LOAD = int(Status.BAD_LOAD)
@@ -32,7 +37,8 @@ _BAD_LOAD = int(Status.BAD_LOAD)
 LOAD_LAW = "v(d,p,p,p,p)"
 """Signature of a load's law, see `compiler.Compiled.native`."""
 _DIFFERENCE = 1e-6
-"""Difference of velocities by which laws are differentiated, relative; and at rest [m/s]."""
+"""Step in velocity of the difference quotients that differentiate laws: relative, and in addition
+absolute [m/s or rad/s]."""
 
 
 _call = calling(LOAD_LAW)
@@ -40,7 +46,7 @@ _call = calling(LOAD_LAW)
 
 @compiled
 def _evaluate_law(load, time):
-    """Evaluate the law at the load's present inputs, into `out`."""
+    """Evaluate the law at the load's present inputs into `out`, limited by its bounds."""
     inputs = address_of(load.place), address_of(load.rate)
     _call(load.law, (time, *inputs, pointer(load.numbers), address_of(load.out)))
     out, bounds = load.out, load.bounds
@@ -50,8 +56,11 @@ def _evaluate_law(load, time):
 
 
 @compiled
-def _read_positions(load, q):
-    """Copy the coordinates on which the load depends into its x."""
+def _read_positions(run, load, q):
+    """Find the positions that the law reads, its x."""
+    if load.frames != 0:
+        pose_of_frames(run, load)
+        return
     inputs, place = load.inputs, load.place
     for k in range(load.ninputs):
         place[k] = q[inputs[k]]
@@ -59,9 +68,9 @@ def _read_positions(load, q):
 
 @compiled
 def _read_velocities(load, v):
-    """Copy the velocities on which the load depends into its dx."""
+    """Find the velocities that the law reads, its dx."""
     if load.frames != 0:
-        frame_twist(load, load.jacobian, v, load.twist)
+        frame_twist(load, v)
         return
     inputs, rate = load.inputs, load.rate
     for k in range(load.ninputs):
@@ -82,14 +91,9 @@ def _evaluate_law_at_rest(load, time):
 
 @compiled
 def _project_forces(load, sign, forces, tau):
-    """Add the generalised forces of `forces`, times `sign`, to tau."""
+    """Project a load's efforts or wrench on the coordinates, and add that times `sign` to tau."""
     if load.frames != 0:
-        jacobian, support = load.jacobian, load.support
-        for k in range(support.size):
-            total = 0.0
-            for r in range(6):
-                total += jacobian[r, k] * forces[r]
-            tau[support[k]] += sign * total
+        project_frame_wrench(load, sign, forces, tau)
         return
     outputs = load.outputs
     for k in range(outputs.size):
@@ -103,12 +107,10 @@ def _evaluate_loads(run, q, v, marks):
     for i in range(run.nv):
         tau[i] = 0.0
     for load in run.loads:
-        if load.frames != 0:
-            pose_of_frames(run, load, load.pose, load.jacobian)
-        else:
-            _read_positions(load, q)
+        _read_positions(run, load, q)
         load.active = 0
         if load.stores == 0:
+            # Without energy all of it is explicit.
             _read_velocities(load, v)
             _evaluate_law(load, run.time)
             _project_forces(load, 1.0, load.out, tau)
@@ -116,6 +118,7 @@ def _evaluate_loads(run, q, v, marks):
         _evaluate_law_at_rest(load, run.time)
         elastic = load.elastic[0]
         _project_forces(load, 1.0, elastic, tau)
+        # The rest takes part in the velocity solve, if there is any.
         pressed = load.implicit == ALWAYS
         if load.implicit == IF_PRESSED:
             for i in range(elastic.size):
@@ -207,10 +210,7 @@ def _find_load_powers(run, v):
 def _apply_current_loads(run, q, v, time, tau):
     """See `apply_current_loads`."""
     for load in run.loads:
-        if load.frames != 0:
-            pose_of_frames(run, load, load.pose, load.jacobian)
-        else:
-            _read_positions(load, q)
+        _read_positions(run, load, q)
         if load.stores != 0:
             _evaluate_law_at_rest(load, time)
         load.active = 1
@@ -229,7 +229,7 @@ def add_load_work(run, duration):
 
 @compiled
 def complete_load_work(run):
-    """Complete the works of a single-rate step by the trapezoidal rule, if they are pending."""
+    """Complete the loads' works of a single-rate step by the trapezoidal rule, if pending."""
     for load in run.loads:
         if run.pending != 0:
             load.work += 0.5 * run.dt * (load.before + load.power)
@@ -238,7 +238,7 @@ def complete_load_work(run):
 
 @compiled
 def add_stage_work(run, stage, weight):
-    """Add a stage's part to the works of a Runge-Kutta step; with the fourth they are done."""
+    """Add a stage's part to the loads' works of a Runge-Kutta step; the fourth completes them."""
     for load in run.loads:
         load.gathered = weight * load.power + (0.0 if stage == 0 else load.gathered)
         if stage == 3:
@@ -247,7 +247,7 @@ def add_stage_work(run, stage, weight):
 
 @compiled
 def record_loads(run, row):
-    """Write answers and works into a record's row."""
+    """Write efforts and works of all loads into a recorded row."""
     at = run.columns[LOAD_FORCE]
     for index in range(run.nl):
         load = run.loads[index]
@@ -263,12 +263,12 @@ _EVALUATE, _APPLY, _SLOPES, _POWERS, _CURRENT = range(5)
 
 @compiled
 def loads(address, q_at, v_at, tau_at, time, task):
-    """Do one of the following (`access.RUN_PART`)."""
+    """Carry out one of the tasks above (`access.RUN_PART`)."""
     run = run_at(address)
     nv = run.nv
     q, v, tau = carray(q_at, (nv,)), carray(v_at, (nv,)), carray(tau_at, (nv,))
     if task == _EVALUATE:
-        _evaluate_loads(run, q, v, tau)  # whose place the marks have
+        _evaluate_loads(run, q, v, tau)  # here `tau` carries the marks
     elif task == _APPLY:
         _apply_velocity_loads(run, v, tau)
     elif task == _SLOPES:
@@ -281,9 +281,10 @@ def loads(address, q_at, v_at, tau_at, time, task):
 
 @compiled
 def evaluate_loads(run, q, v, marks):
-    """Answer of all loads at q, but for what depends on velocity: into `load_forces`.
+    """Find `load_forces`, the part of all loads at q that the velocity solve leaves alone.
 
-    Coordinates on which the rest acts are marked. v are the extrapolated velocities.
+    Coordinates on which the velocity-dependent rest acts are marked. v are extrapolated velocities,
+    at which loads that store no energy are evaluated.
     """
     if run.nl > 0:
         run_part(run.load_part, run, q, v, marks, 0.0, _EVALUATE)
@@ -298,14 +299,14 @@ def apply_velocity_loads(run, v, tau):
 
 @compiled
 def add_load_slopes(run):
-    """Add the loads' derivative by velocity to the slope, after `apply_velocity_loads`."""
+    """Add the loads' velocity derivatives to d(tau_c)/dv; after `apply_velocity_loads`."""
     if run.nl > 0:
         run_part(run.load_part, run, run.q, run.q, run.q, 0.0, _SLOPES)
 
 
 @compiled
 def find_load_powers(run, v):
-    """Powers of the loads at velocities v; stops the run where a law has failed."""
+    """Find the powers of the loads at velocities v; stop the run where a law has failed."""
     if run.nl > 0:
         run_part(run.load_part, run, v, v, v, 0.0, _POWERS)
 

@@ -1,14 +1,16 @@
-"""Loops without clearance: the inverse mass matrix and the acceleration of the closed mechanism.
+"""Loops without clearance: inverse mass matrix and free acceleration of the closed mechanism.
 
 Points p and p' are held together: J a + g = 0, J the Jacobian of p - p', g its acceleration at
-constant speeds. From Pinocchio's M^-1 and a of the open tree follow, row j of J by row,
+constant speeds. Starting from Pinocchio's M^-1 and a of the open tree, the rows j of J are imposed
+one after the other,
 
     u = M^-1 j / sqrt(j M^-1 j),    a <- a - u (j a + g) / sqrt(j M^-1 j),    M^-1 <- M^-1 - u u^T
 
-the row with the largest j M^-1 j first. Rows that depend linearly on others are left with
-j M^-1 j = 0 and are skipped. The same steps correct the drift of loops.
+the row with the largest j M^-1 j first: in effect a pivoted Cholesky factorisation of J M^-1 J^T.
+Rows that depend linearly on others are left with j M^-1 j = 0 and are skipped. The same steps
+correct the drift of loops in position and velocity.
 
-Compiled apart as `loops`, for runs that have some; what others call calls it.
+Compiled apart as `loops`, for runs that have some; the functions without underscore call it.
 """
 
 from __future__ import annotations
@@ -26,12 +28,15 @@ from jointplay.physics.kernel.frames import (
 )
 
 REDUNDANT = 1e-10
-"""Rows of less inverse mass than this, relative to the first one's, are redundant."""
+"""Value of j M^-1 j, relative to the first row's, below which a row is redundant."""
 
 
 @compiled
 def _add_point_rows(run, k, sign, at, place, residual, moving):
-    """Add one point of held pair k to its rows, and its position or acceleration to `residual`."""
+    """Add one point of held pair k to its constraint rows, with `sign`, and to `residual`.
+
+    The residual gets the point's acceleration at constant speeds if `moving`, else its position.
+    """
     rows = run.loop_rows
     columns, bodies = run.world_jacobian, run.bodies
     arm = matrix_times_vector(bodies[at].rotation, place[0], place[1], place[2])
@@ -75,11 +80,12 @@ def _inverse_mass_of(rows, minv, r):
 
 @compiled
 def _constrain(run, minv, residual, x):
-    """Project `minv` onto the motions that the rows allow; correct x (2, nv) by the residuals."""
+    """Impose all rows on `minv`, and correct both rows of x (2, nv) by their residuals."""
     nv, size = run.nv, 3 * run.nh
     rows = run.loop_rows
     first = 0.0
     for step in range(size):
+        # The row with the largest j M^-1 j that is left, unless all are redundant.
         best, most = -1, 0.0
         for r in range(size):
             mass = _inverse_mass_of(rows, minv, r)
@@ -94,6 +100,7 @@ def _constrain(run, minv, residual, x):
             u[i] = 0.0
             for k in range(nv):
                 u[i] += minv[i, k] * rows[best, k]
+        # Correct x so that the row holds, and take its direction out of M^-1.
         for column in range(2):
             open_by = residual[column, best]
             for i in range(nv):
@@ -150,7 +157,7 @@ _PROJECT, _CORRECT = range(2)
 
 @compiled
 def loops(address, q, v, _tau, _time, task):
-    """Do one of the following (`access.RUN_PART`)."""
+    """Carry out one of the tasks above (`access.RUN_PART`)."""
     run = run_at(address)
     if task == _PROJECT:
         nv = run.nv

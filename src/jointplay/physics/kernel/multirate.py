@@ -1,16 +1,21 @@
-"""The multi-rate method: the arm at its own pace, the contact at its own.
+"""The multi-rate method: long macro steps for the arm's inertia, short micro steps for contacts.
 
-Once a macro step Pinocchio gives the inverse mass matrix and the acceleration without forces at
-the predicted middle of the step. Between, micro steps run here alone, on these two, which change
-in time along the parabola through this macro step's middle and the last two:
+1. `plan_macro_step` chooses the length of the next macro step and predicts the state in its middle.
+2. Pinocchio evaluates the inverse mass matrix M^-1 and the free acceleration a_free (of gravity
+   and motion alone, without the forces of this package) at that state.
+3. `check_prediction` compares both with the parabolas in time through the last three middles. Too
+   far off, the step is planned anew, shorter; otherwise the parabolas take the new middle in.
+4. `macro_step` does micro steps of length dt in compiled code alone, M^-1 and a_free following
+   their parabolas:
 
     solve for v_n:   v_n = v_half + dt/2 (a_free + M^-1 [tau(q_n, t_n) + tau_c(q_n, v_n)])
     v_half <- 2 v_n - v_half,      q_{n+1} = q_n + dt v_half
 
-The leapfrog method in positions: symplectic for elastic forces, second order; what depends on
-velocity is taken at v_n, half way between the two half-step velocities, so that the work of every
-force in a step is dt times its power at v_n, as exactly as v_n is solved for. Records hold the
-state (q_n, v_n) and the forces at it.
+This is the leapfrog method in positions: second order, symplectic for elastic forces. Forces tau_c
+that depend on velocity are taken at v_n, half way between the two half-step velocities, so that the
+work of every force in a step is dt times its power at v_n, as exactly as v_n is solved for. Records
+hold the state (q_n, v_n) and the forces at it. `adaptive` replaces 4 by micro steps of varying
+length.
 """
 
 from __future__ import annotations
@@ -46,7 +51,6 @@ from jointplay.physics.kernel.layout import (
     POWERS,
     SPEED,
     SPEED_LIMIT,
-    START,
     START_SPEED,
     STEP,
 )
@@ -62,28 +66,28 @@ from jointplay.physics.kernel.solve import (
     weighted_square,
 )
 
-# Macro steps: how long they are, where they lead, and what Pinocchio says of their middle.
+# Macro steps: their length, the predicted path, and the parabolas of M^-1 and a_free.
 #
-# The inverse mass matrix and the acceleration without forces follow parabolas in time through the
-# middles of this macro step and of the last two. How far the new middle lies off the parabola of
-# the three before it is the error estimate.
+# The distance of the new middle from the parabola through the three before it is the error
+# estimate.
 
 
 LARGEST_TURN = 0.02
-"""Angle by which no joint turns further in a macro step that an error estimate chooses [rad]."""
+"""Largest rotation of any joint in a macro step whose length the error estimate chooses [rad]."""
 FEWEST_STEPS = 6
-"""Steps that a macro step has although joints turn further: coarse steps of fast machines."""
+"""Micro steps that a macro step may have although joints turn further than `LARGEST_TURN`: for
+fast machines with coarse steps."""
 REFUSED = 4.0
-"""A macro step whose middle is so many times the tolerance off is planned anew."""
+"""Error of a macro step's middle, over the tolerance, beyond which the step is planned anew."""
 LEAST_STEPS = 8
-"""Macro steps are planned no shorter than this many steps where one has been ended early."""
+"""Shortest macro step planned after one that was ended early [micro steps]."""
 GROWTH = 1.5
-"""By how much a macro step is longer than the one before at most."""
+"""Largest ratio of a macro step's length to that of the one before."""
 LEAST_APART = 0.3
-"""Middles nearer to each other than this, relative to the macro step, do not make a line."""
+"""Least distance of two middles, relative to the macro step, to draw a line through them."""
 CHORD_STEPS = 4
-"""Micro steps over which a chord stands for the parabola of the inverse mass matrix: the parabola
-itself is more memory than the nearest cache has beside what the velocity solve needs there."""
+"""Micro steps over which a chord replaces the parabola of the inverse mass matrix: the parabola's
+coefficients do not fit into the nearest cache beside what the velocity solve needs there."""
 LEAST_COMPLIANCE = 1e-14
 """Inverse inertia of a coordinate that is held, relative to the largest: it must not be zero."""
 CHORD_PART = 0.25
@@ -91,13 +95,18 @@ CHORD_PART = 0.25
 
 
 @compiled
-def _predict(run):
-    """Predict the path of the next macro step, `run.macro` micro steps long."""
+def _predict_path(run):
+    """Predict the path of the next macro step, `run.macro` micro steps long, into `run.path`.
+
+    From the present state positions follow a cubic (constant jerk). Of this path the state in the
+    middle is what Pinocchio evaluates.
+    """
     nv = run.nv
     path = run.path
     q, half, a = run.q, run.half, run.a
     elapsed = run.time - run.path_start
-    if elapsed > 0.0:  # else planned anew
+    if elapsed > 0.0:  # else the same step is planned anew
+        # Rate of change of the mean acceleration from one macro step to the next: the jerk.
         apart = run.path_start + 0.5 * elapsed - run.mean_time
         smooth = run.touching == 0 and run.events == 0 and run.known_free > 1
         for i in range(nv):
@@ -115,15 +124,15 @@ def _predict(run):
     for i in range(nv):
         rise, jerk = path[ACCELERATION, i], path[JERK, i]
         speed = half[i] + 0.5 * run.dt_before * rise
-        path[START, i], path[START_SPEED, i], path[HALF, i] = q[i], speed, half[i]
+        path[START_SPEED, i], path[HALF, i] = speed, half[i]
         path[MIDDLE, i] = q[i] + s * (speed + s * (0.5 * rise + s * jerk / 6.0))
         path[MIDDLE_SPEED, i] = speed + s * (rise + 0.5 * s * jerk)
     run.path_start, run.path_span = run.time, span
 
 
 @compiled
-def _bounded(run):
-    """Length of the next macro step in steps: as wished, unless joints turn too far."""
+def _next_macro_length(run):
+    """Length of the next macro step in micro steps: as suggested, unless joints turn too far."""
     longest = run.until - run.step
     macro = min(longest, max(run.suggested // run.unit, 1) * run.unit)
     if run.fixed == 0 and run.fastest * macro * run.dt > LARGEST_TURN:
@@ -137,13 +146,13 @@ def plan_macro_step(run):
     """Choose the length of the next macro step and predict its path."""
     if run.nh > 0:
         correct_drift(run)
-    run.macro = _bounded(run)
-    _predict(run)
+    run.macro = _next_macro_length(run)
+    _predict_path(run)
 
 
 @compiled
-def _take_minv(run):
-    """Put Pinocchio's inverse mass matrix, both its triangles, where the last chord was."""
+def _copy_inverse_mass(run):
+    """Copy Pinocchio's inverse mass matrix to both triangles of `minv_rate`, free till a chord."""
     answer, minv = run.found_minv, run.minv_rate
     for i in range(run.nv):
         for k in range(i, run.nv):
@@ -152,10 +161,11 @@ def _take_minv(run):
 
 @compiled
 def _find_path_error(run):
-    """Compare Pinocchio's answer at the predicted middle with the parabola through the last three.
+    """Estimate the error of the extrapolated M^-1 and a_free at the predicted middle.
 
-    The difference of the accelerations is `run.path_error`, relative to the whole acceleration; -1
-    where there is no line, or velocities have jumped since.
+    `run.path_error` is the difference between the acceleration that Pinocchio's values and the
+    extrapolated ones give under the present forces, relative to the acceleration itself; -1 where
+    fewer than two middles are known or a contact has begun or ended since.
     """
     nv = run.nv
     apart = run.path_start + 0.5 * run.path_span - run.middle_time
@@ -189,11 +199,14 @@ def _find_path_error(run):
 
 @compiled
 def _fit_parabola(values, middle, slope, curve, value, known, lengths):
-    """Draw the parabola through a new middle and the last two `known`; begin at the step's start.
+    """Fit the parabola in time through `values` at a new middle and the last two middles.
 
-    If none is known, it is a line with the slope of the last one.
+    Newton's form: `slope` and `curve` get the first and second divided differences. `value` is set
+    to the parabola at the start of the macro step. With one middle `known` it is a line; with none,
+    a line with the slope of the last one.
 
-    `lengths`: half of the macro step, and how far apart the last two middles and those before are.
+    `lengths`: half of the macro step; from the last middle to this; from the one before to the last
+    [s].
     """
     s, apart, before = -lengths[0], lengths[1], lengths[2]
     part, per_span = 1.0 / apart, 1.0 / (apart + before)  # a division takes as long as all the rest
@@ -209,7 +222,7 @@ def _fit_parabola(values, middle, slope, curve, value, known, lengths):
 
 @compiled
 def _find_inertia(run):
-    """Find the inertia of each coordinate alone, in the middle."""
+    """Find the inertia of each coordinate alone, 1/(M^-1)_ii, at the last middle."""
     middle, inertia, least = run.minv_middle, run.inertia, 0.0
     for i in range(run.nv):
         least = max(least, LEAST_COMPLIANCE * middle[i, i])
@@ -219,10 +232,10 @@ def _find_inertia(run):
 
 @compiled
 def _accept_middle(run):
-    """Take Pinocchio's answer at the predicted middle, and draw the parabola through the last ones.
+    """Fit the parabolas of M^-1 and a_free through Pinocchio's values at the predicted middle.
 
-    Where a contact has begun or ended in between, velocities have jumped, and the acceleration
-    without forces with them: a new line then begins, its slope still that of the motion.
+    Where a contact has begun or ended in between, velocities have jumped and a_free with them: its
+    parabola begins anew, as a line that keeps the last slope.
     """
     span = run.path_span
     now = run.path_start + 0.5 * span
@@ -250,36 +263,41 @@ def _accept_middle(run):
 
 @compiled
 def check_prediction(run):
-    """Accept Pinocchio's result; too far from the prediction, plan a shorter step (`refused`)."""
+    """Accept Pinocchio's result, or plan a shorter macro step (`refused`); suggest the next length.
+
+    The length follows the error by the usual rule, (tolerance/error)^(1/p), aimed at half the
+    tolerance.
+    """
     if run.nh > 0:
         path = run.path
         project_dynamics(run, path[MIDDLE], path[MIDDLE_SPEED])
-    _take_minv(run)
+    _copy_inverse_mass(run)
     _find_path_error(run)
     error, macro, unit = run.path_error, run.macro, run.unit
     run.refused = 0
     if run.fixed == 0 and macro > unit and error > REFUSED * run.tolerance:
         run.refused = 1
         run.macro = max(macro // (4 * unit), 1) * unit
-        _predict(run)
+        _predict_path(run)
         return
     if run.fixed == 0:
         factor = GROWTH
         if error > 0.0:
+            # A parabola through three middles errs by the third power of the step, a line by its
+            # square.
             order = 1.0 / 3.0 if run.known_free > 2 else 0.5
             factor = min(max((0.5 * run.tolerance / error) ** order, 0.25), GROWTH)
         best = int(macro * factor + 0.9)
         if macro == run.until - run.step and factor >= 1.0:
-            best = max(
-                best, run.suggested
-            )  # it was not this macro step's own error that cut it short
+            # `until`, not its error, cut this macro step short.
+            best = max(best, run.suggested)
         run.suggested = min(max(best, 1), run.longest)
     _accept_middle(run)
 
 
 @compiled
 def end_macro_step(run):
-    """Measure at the end of a macro step how fast angles change and how far it left its path."""
+    """Measure the fastest rotation, and how far angles have departed from the predicted path."""
     nv = run.nv
     path, half, angular = run.path, run.half, run.angular
     elapsed = run.time - run.path_start
@@ -293,7 +311,7 @@ def end_macro_step(run):
 
 @compiled
 def begin(run):
-    """Start inverse mass matrix, free acceleration and path at the state just evaluated."""
+    """Take Pinocchio's M^-1 and a_free at the present state as the first known middle."""
     nv = run.nv
     path, half, a = run.path, run.half, run.a
     for i in range(nv):
@@ -315,12 +333,16 @@ _NP = len(POWERS)
 _RUN_AWAY = int(Status.RUN_AWAY)
 
 LEAST_DONE = 2
-"""A macro step is not ended before this many micro steps."""
+"""Micro steps before which no macro step is ended early."""
 
 
 @compiled
 def _base_velocity(run, q, half, v, base, h):
-    """Velocity without what depends on it: drives at an extrapolated v, inertia, gravity."""
+    """Find `base`, the velocity v_n without the forces that the velocity solve finds.
+
+    base = v_half + h (a_free + M^-1 tau), tau of the drives and servos, evaluated at a velocity
+    extrapolated from the last acceleration. Prescribed coordinates are set to their reference.
+    """
     nv = run.nv
     a, tau = run.a, run.tau
     free, minv = run.free, run.minv
@@ -328,6 +350,8 @@ def _base_velocity(run, q, half, v, base, h):
         v[i] = half[i] + h * a[i]
         tau[i] = 0.0
     if run.prescribed != 0:
+        # The half-step velocity of a prescribed coordinate is the one that led it from its last
+        # position to the reference.
         for drive in run.drives:
             if drive.armature > 0.0:
                 half[drive.coordinate] -= q[drive.coordinate] / run.dt_before
@@ -352,7 +376,7 @@ def _base_velocity(run, q, half, v, base, h):
 
 @reordered
 def _sizes(v, forces, pushed, nv):
-    """Sum of all speeds, and the product of forces and what they push."""
+    """Sum of all speeds, and the product tau_c . M^-1 tau_c of forces and what they accelerate."""
     size = square = 0.0
     for i in range(nv):
         size += abs(v[i])
@@ -362,12 +386,17 @@ def _sizes(v, forces, pushed, nv):
 
 @compiled
 def _complete_velocities(run, half, v, base, h):
-    """Velocities that the solve left out, and all accelerations; returns their size."""
+    """Find all velocities and accelerations from those of the solve; returns the sum of speeds.
+
+    The solve found v on the coordinates on which forces depend on velocity; these forces move the
+    others, too. M^-1 tau_c is kept in `pushed`.
+    """
     nv, n = run.nv, run.active
     a, forces, minv = run.a, run.velocity_forces, run.minv
     pushed, trial, part = run.pushed[0], run.trial, 1.0 / h
+    # The residual of the last trial, v - base - h M^-1 tau_c, has the product already.
     if n == nv:
-        for i in range(nv):  # the residual, where the last trial ended, has the product with M^-1
+        for i in range(nv):
             pushed[i] = (trial[SPEED, i] - trial[ERROR, i] - base[i]) * part
     else:
         touched = run.touched
@@ -388,8 +417,12 @@ def _complete_velocities(run, half, v, base, h):
 
 
 @compiled
-def _powers(run, q, v):
-    """Powers of all forces at the state, and the effort of prescribed motion."""
+def _find_powers(run, v):
+    """Find the powers of all forces at the state, and the effort of prescribed motion.
+
+    That effort is armature times the difference between the prescribed acceleration, already in
+    `run.drive`, and the one without the drive.
+    """
     nv = run.nv
     for i in range(_NP):
         run.power[i] = 0.0
@@ -420,10 +453,11 @@ def _powers(run, q, v):
 
 @compiled
 def _choose_guess(run, h):
-    """Find how `pushed` changed in the last step, and which curve the next guess shall follow.
+    """Update the divided differences of `pushed`, and choose the next guess: parabola or line.
 
-    That is the parabola, if it came nearer than the line: but that enlarges errors of the solves
-    sevenfold, a line threefold, and where the line was off by no more than these it is better.
+    Whichever would have come nearer to the value just found. But extrapolating a parabola enlarges
+    the errors of the solves sevenfold, a line threefold: where the line was off by no more than
+    these errors it is kept.
     """
     dt, span, pushed = run.dt_before, run.dt_before + run.pushed_dt, run.pushed
     now, slope, before, curve = pushed[0], pushed[1], pushed[2], pushed[3]
@@ -443,18 +477,20 @@ def _choose_guess(run, h):
 
 @compiled
 def evaluate(run):
-    """State and forces at the present instant: the velocity solve and all that follows from it."""
+    """Find v_n, all forces and their powers at the present position and time."""
     nv = run.nv
     q, v, half = run.q, run.v, run.half
     base = run.scratch
     forces = run.velocity_forces
     h = 0.5 * run.dt_before
+    # 1. What does not depend on velocity: drives, gravity, inertia, and elastic loads.
     _base_velocity(run, q, half, v, base, h)
     find_velocity_forces(run, q, half)
     if run.nl > 0:
         apply_loads(run, base, h)
-    # A state that ends one macro step and begins the next is evaluated with both parabolas; what
-    # it was found to need once is the best guess.
+    # 2. A first guess, extrapolated from M^-1 tau_c of the last steps. A state that ends one macro
+    # step and begins the next is evaluated with both parabolas: the first result is then the best
+    # guess for the second.
     pushed, new = run.pushed, run.time != run.evaluated_at
     if new:
         dt = run.dt_before
@@ -466,6 +502,7 @@ def evaluate(run):
     else:
         for i in range(nv):
             v[i] = base[i] + h * pushed[0, i]
+    # 3. The velocity solve, and what follows from it.
     if run.active > 0:
         solve_velocity(run, q, base, v, h)
     else:
@@ -475,16 +512,16 @@ def evaluate(run):
     size = _complete_velocities(run, half, v, base, h)
     if new:
         _choose_guess(run, h)
-    _powers(run, q, v)
+    _find_powers(run, v)
     if not size < SPEED_LIMIT:  # true for NaN as well
         record_failure(run, _RUN_AWAY, 0)
 
 
 @compiled
-def _aim_at_parabola(value, rate, middle, slope, curve, s, apart, span, dt):
-    """Rates that lead values within `span` to where their parabolas are `s` after the middle.
+def _begin_chord(value, rate, middle, slope, curve, s, apart, span, dt):
+    """Begin a chord: find the rates that lead the values to their parabola in `span` [s].
 
-    The values go their first `dt` there.
+    The chord ends `s` [s] after the middle; the values take its first step, `dt` long.
     """
     square, part = s * (s + apart), 1.0 / span  # a division takes as long as all the rest
     for i in range(value.size):
@@ -493,15 +530,15 @@ def _aim_at_parabola(value, rate, middle, slope, curve, s, apart, span, dt):
 
 
 @compiled
-def _aim_at_parabolas(run, span, dt):
-    """Begin chords of the parabolas of inverse mass matrix and free acceleration, and go `dt`."""
+def _begin_chords(run, span, dt):
+    """Begin chords `span` long of the parabolas of M^-1 and a_free, and follow them for `dt`."""
     run.chord_end = run.time + span
     s, apart = run.chord_end - run.middle_time, run.middles_apart
-    _aim_at_parabola(
+    _begin_chord(
         run.free, run.free_rate, run.free_middle,
         run.free_slope, run.free_curve, s, apart, span, dt,
     )  # fmt: skip
-    _aim_at_parabola(
+    _begin_chord(
         flat(run.minv), flat(run.minv_rate),
         flat(run.minv_middle), flat(run.minv_slope),
         flat(run.minv_curve), s, apart, span, dt,
@@ -517,7 +554,10 @@ def _advance(value, rate, dt):
 
 @compiled
 def step_positions(run, dt):
-    """Go from the state just evaluated to the one `dt` later."""
+    """Advance positions, half-step velocities, M^-1 and a_free from the state evaluated by `dt`.
+
+    v_half <- v_n + (dt/dt_before) (v_n - v_half), which is 2 v_n - v_half for equal steps.
+    """
     nv = run.nv
     q, v, half = run.q, run.v, run.half
     ratio = dt / run.dt_before
@@ -527,7 +567,7 @@ def step_positions(run, dt):
     for i in range(nv):
         q[i] += dt * half[i]
     if run.time + 0.5 * dt > run.chord_end:
-        _aim_at_parabolas(run, max(min(CHORD_STEPS * dt, CHORD_PART * run.path_span), dt), dt)
+        _begin_chords(run, max(min(CHORD_STEPS * dt, CHORD_PART * run.path_span), dt), dt)
     else:
         _advance(run.free, run.free_rate, dt)
         _advance(flat(run.minv), flat(run.minv_rate), dt)
@@ -536,7 +576,7 @@ def step_positions(run, dt):
 
 @compiled
 def add_work(run, duration):
-    """Add the works of all forces at their present powers over `duration` [s]."""
+    """Add the works of all forces at their present powers over `duration` [s] to the totals."""
     for i in range(_NP):
         run.work[i] += duration * run.power[i]
     if run.nl > 0:
@@ -545,7 +585,10 @@ def add_work(run, duration):
 
 @compiled
 def commit_memories(run, before, after):
-    """Accept all that remembers as evaluated; their forces act so long before and after [s]."""
+    """Accept the history of gears, servos, bristles and contacts as that of the present state.
+
+    Its forces are taken to act from `before` [s] before it until `after` [s] after it.
+    """
     commit_gears(run)
     commit_servos(run)
     commit_bristles(run, run.v, after)
@@ -556,7 +599,11 @@ def commit_memories(run, before, after):
 
 @compiled
 def _commit_state(run, dt, recorded):
-    """Accept and record the state just evaluated, `dt` before the next."""
+    """Accept the state just evaluated as one of the trajectory, and record it if asked to.
+
+    Its forces do work from half a step before it to half of the next step, `dt`, after it; the
+    first state has no step before it (`fresh`).
+    """
     before = 0.5 * run.dt_before if run.fresh == 0 else 0.0
     add_work(run, before)
     commit_memories(run, before, 0.5 * dt)
@@ -568,9 +615,9 @@ def _commit_state(run, dt, recorded):
 
 @compiled
 def macro_step(run):
-    """Micro steps of a macro step, each `run.dt` long, until the state leaves its predicted path.
+    """Do the micro steps of a macro step, each `run.dt` long, until it leaves its predicted path.
 
-    Impacts, which no path foresees, so end macro steps.
+    That is how an impact, which no prediction foresees, ends its macro step.
     """
     run.macros += 1
     for k in range(run.macro):
@@ -588,12 +635,10 @@ def macro_step(run):
 
 @compiled
 def synchronize(run):
-    """Evaluate velocity and forces at the present instant, and complete the work up to it."""
+    """Evaluate velocity and forces at the present time, and complete the work up to it."""
     evaluate(run)
     if run.fresh == 0:
-        for i in range(_NP):
-            run.work[i] += 0.5 * run.dt_before * run.power[i]
-        add_load_work(run, 0.5 * run.dt_before)
+        add_work(run, 0.5 * run.dt_before)
 
 
 @compiled
@@ -605,7 +650,7 @@ def record_last_state(run):
 
 @compiled
 def restart(run):
-    """Discard the history, after q and v were set from outside."""
+    """Discard the history of the integration, after q and v were set from outside."""
     nv = run.nv
     v, half, a = run.v, run.half, run.a
     run.touching = run.known_middles = run.known_free = run.events = run.known_a = 0
@@ -618,7 +663,7 @@ def restart(run):
 
 @compiled
 def start_half_step(run):
-    """Put `half` half a step before the state (q, v), with the forces at it."""
+    """Start from a given state (q, v): find the forces at it, and `half`, v half a step before."""
     if run.nh > 0:
         project_dynamics(run, run.q, run.v)
     nv = run.nv
@@ -655,7 +700,11 @@ def start_half_step(run):
 
 @compiled
 def advance(run):
-    """Do the planned macro step with Pinocchio's result, and plan the next."""
+    """Do the planned macro step with Pinocchio's result, and plan the next.
+
+    If the prediction is refused, a shorter step is planned instead, for which Pinocchio is asked
+    again.
+    """
     check_prediction(run)
     if run.refused != 0:
         return

@@ -1,4 +1,4 @@
-"""Records of a run, and the works that belong to them."""
+"""Recorded rows: the state, forces, peaks and works, written at states or interpolated between."""
 
 from __future__ import annotations
 
@@ -45,10 +45,10 @@ def is_due(run, step):
 
 @compiled
 def complete_step(run):
-    """Complete what a single-rate method could not know before the acceleration was.
+    """Complete a single-rate step, once Pinocchio has given the acceleration at its end.
 
-    That is the effort of prescribed motion, and with it the work of the last step by the
-    trapezoidal rule, if that is pending.
+    That is, the effort of prescribed motion, and with it the works of the step by the trapezoidal
+    rule, if they are pending.
     """
     if run.prescribed != 0:
         add_prescribed_power(run, run.v, run.a)
@@ -62,7 +62,7 @@ def complete_step(run):
 
 @compiled
 def fill_row(run, row):
-    """Write the present state into a row of the records; peaks are those of the state."""
+    """Write the present state into a recorded row; peaks are the values at this state."""
     q, v, drive, at = run.q, run.v, run.drive, run.columns
     row[at[TIME]] = run.time
     for i in range(run.nv):
@@ -104,7 +104,7 @@ def fill_row(run, row):
 
 @compiled
 def _end_peaks(run, row):
-    """Let a row hold the peaks since the last record, its own included, and begin new ones."""
+    """Raise the peaks in a row to those since the last record, and begin new ones."""
     at = run.columns
     for j in range(run.nj):
         joint = run.joints[j]
@@ -136,7 +136,7 @@ def write_record(run):
 
 @compiled
 def _cubic(x0, x1, v0, v1, part, h):
-    """Cubic through two values with these rates, `h` apart."""
+    """Cubic Hermite interpolation between two values with their rates, `h` apart."""
     rise = x1 - x0
     b, c = 3.0 * rise - h * (2.0 * v0 + v1), h * (v0 + v1) - 2.0 * rise
     return x0 + part * (h * v0 + part * (b + part * c))
@@ -144,9 +144,10 @@ def _cubic(x0, x1, v0, v1, part, h):
 
 @compiled
 def write_interpolated(run, time, elapsed, h):
-    """Write a record `elapsed` after the state of `row_before`, `h` before that of `row_after`.
+    """Write a record interpolated `elapsed` [s] into the step of length h between two states.
 
-    Positions and velocities follow cubics, works the parabolas of their powers, the rest lines.
+    `row_before` and `row_after` hold the states. Positions and velocities follow cubics, works
+    parabolas, as powers follow lines; all else follows lines.
     """
     if run.row >= run.rows:
         return
@@ -155,6 +156,7 @@ def write_interpolated(run, time, elapsed, h):
     a0, a1 = run.earlier_a[0], run.a
     for c in range(row.size):
         row[c] = earlier[c] + part * (later[c] - earlier[c])
+    # Then what is smoother than a line.
     row[at[TIME]] = time
     for i in range(run.nv):
         q, v = at[Q] + i, at[V] + i
@@ -172,9 +174,10 @@ def write_interpolated(run, time, elapsed, h):
 
 
 def contact_statistics(contacts: np.ndarray) -> dict[str, np.ndarray]:
-    """What records of contacts (nj, width) have counted, of the same shape.
+    """Statistics of the contacts from their records (nj, width), each of the same shape.
 
-    Counts, steps, impulses [N s], smallest gap [m], fastest approach [m/s].
+    Numbers of onsets and ends, fewest steps, impulses [N s], smallest gap [m], fastest approach
+    [m/s].
     """
     names = {
         "onsets": "onsets",

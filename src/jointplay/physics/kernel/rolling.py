@@ -1,10 +1,10 @@
-"""Rolling bearings: what all elements of one do, once for a position and then by velocity.
+"""Joints with one law for all their contacts: rolling bearings, springs, seats.
 
-`find_elements` finds the elastic wrench of a pose and its stiffness; with a twist, damping in
-proportion to that stiffness and the friction torque about the axis follow at little cost. The
-element that bears most stands for all of them where a joint's contacts are counted.
+`find_elements` evaluates the law (`contact.rolling`, `contact.elastic`) once a pose: elastic wrench
+and stiffness. At a twist, damping in proportion to that stiffness and the friction torque about the
+axis then follow at little cost. The element that bears most is recorded as the joint's contact.
 
-Compiled apart as `elements`, for joints that have some; what others call calls it.
+Compiled apart as `elements`, for joints that have some; the functions without underscore call it.
 """
 
 from __future__ import annotations
@@ -43,17 +43,11 @@ _BROKE_OUT, _BAD_FORCE = int(Status.BROKE_OUT), int(Status.BAD_FORCE)
 
 @compiled
 def _evaluate(joint, mode):
-    """Evaluate the elements at the joint's pose; returns the numbers that they answer."""
+    """Evaluate the joint's law at its pose; returns the results (`contact.resultant`)."""
     numbers, out = pointer(joint.dimensions), pointer(joint.elements)
     numbers[CAGE] = joint.cage
     call_elements(joint.element_law, (numbers, address_of(joint.pose), out, mode))
     return out
-
-
-@compiled
-def _gap(joint):
-    """See `element_gap`."""
-    return -_evaluate(joint, FORCES)[DEEPEST]
 
 
 @compiled
@@ -90,7 +84,7 @@ def _spin(joint):
 
 @compiled
 def _friction_torque(joint, spin):
-    """Torque against the ring's turn, and its slope."""
+    """Friction torque at the ring's speed of rotation, and its derivative."""
     numbers, out = pointer(joint.dimensions), pointer(joint.elements)
     most = numbers[DRAG] + numbers[FRICTION] * out[SUM]
     turn = math.tanh(spin / JOINT_FRICTION_SPEED)
@@ -189,10 +183,10 @@ _GAP, _FIND, _ADD_FORCES, _ADD_SLOPE, _ADD_LOSSES, _FREQUENCY = range(6)
 
 @compiled
 def elements(run_address, joint_address, j, task):
-    """Do one of the following for a joint with elements (`access.PART`)."""
+    """Carry out one of the tasks above for a joint with elements (`access.PART`)."""
     joint = joint_at(joint_address)
     if task == _GAP:
-        return _gap(joint)
+        return -_evaluate(joint, FORCES)[DEEPEST]
     if task == _ADD_SLOPE:
         _add_slope(joint)
         return 0.0
@@ -210,13 +204,13 @@ def elements(run_address, joint_address, j, task):
 
 @compiled
 def element_gap(joint):
-    """Least gap of the elements at the joint's pose."""
+    """Smallest gap of the elements at the joint's pose."""
     return call_part(joint.element_part, (0, place_of(joint), 0, _GAP))
 
 
 @compiled
 def find_elements(run, j, joint):
-    """Find what the elements of joint j do at its pose; returns whether any bears load."""
+    """Find elastic wrench and stiffness of joint j at its pose; returns whether it bears load."""
     return call_part(joint.element_part, (place_of(run), place_of(joint), j, _FIND)) != 0.0
 
 
@@ -228,7 +222,7 @@ def add_element_forces(run, j, joint):
 
 @compiled
 def add_element_slope(joint):
-    """Add the derivative of the wrench by the twist."""
+    """Add the derivative of damping and friction by the twist to d(wrench)/d(twist)."""
     call_part(joint.element_part, (0, place_of(joint), 0, _ADD_SLOPE))
 
 
@@ -240,16 +234,16 @@ def add_element_losses(run, joint):
 
 @compiled
 def element_frequency(run, joint):
-    """Sum of the squares of the frequencies at which coordinates swing on the elements.
+    """Sum of the squared natural frequencies on the joint's stiffness K [rad^2/s^2].
 
-    It is the trace of M^-1 J^T K J, no less than the square of the highest [rad^2/s^2].
+    It is the trace of M^-1 J^T K J, an upper bound of the square of the highest frequency.
     """
     return call_part(joint.element_part, (place_of(run), place_of(joint), 0, _FREQUENCY))
 
 
 @compiled
 def cage_rate(joint, v):
-    """Speed of the cage at velocities v [rad/s]."""
+    """Angular speed of the cage at velocities v [rad/s]."""
     find_twist(joint, v)
     spin, _ = _spin(joint)
     return pointer(joint.dimensions)[RATIO] * spin
@@ -257,7 +251,7 @@ def cage_rate(joint, v):
 
 @compiled
 def advance_cages(run, v, elapsed):
-    """Turn all cages by what they go in `elapsed` [s] at velocities v."""
+    """Turn all cages for `elapsed` [s] at velocities v."""
     for j in range(run.nj):
         joint = run.joints[j]
         if joint.resultant != 0:
@@ -266,7 +260,7 @@ def advance_cages(run, v, elapsed):
 
 @compiled
 def advance_cages_by_stage(run, v, stage, weight, ahead):
-    """Do the same in a stage of Runge-Kutta's, from the step's start on."""
+    """Turn all cages to the next stage of a Runge-Kutta step, or to its end (stage 3)."""
     for j in range(run.nj):
         joint = run.joints[j]
         if joint.resultant == 0:

@@ -1,12 +1,12 @@
-"""Single-rate methods: explicit, with Pinocchio's acceleration at every stage.
+"""Single-rate methods: explicit Euler and Runge-Kutta, with Pinocchio's acceleration every stage.
 
 A stage is one compiled call and one `pin.aba` call:
 
     record state n, integrate to n+1, drive efforts and contact forces at n+1  -> tau
     pin.aba(model, data, q, v, tau)                                            -> data.ddq
 
-Where joints are reached through frames, Pinocchio's Jacobians come between, and
-`evaluate_forces` after them.
+Where joints are reached through frames, the compiled call stops before the forces; Pinocchio finds
+the Jacobians, and a second call, `evaluate_forces`, goes on.
 """
 
 from __future__ import annotations
@@ -34,12 +34,7 @@ from jointplay.physics.kernel.drive import (
     prescribe_motion,
 )
 from jointplay.physics.kernel.film import add_film_forces, add_film_losses, commit_film
-from jointplay.physics.kernel.frames import (
-    find_twist,
-    pose_of_frames,
-    pose_of_virtual_link,
-    project_wrench,
-)
+from jointplay.physics.kernel.frames import find_pose, find_twist, project_wrench
 from jointplay.physics.kernel.gear import add_gear_losses, apply_gears, commit_gears, place_gears
 from jointplay.physics.kernel.layout import POWERS, SPEED_LIMIT
 from jointplay.physics.kernel.load import add_stage_work, apply_current_loads
@@ -52,12 +47,12 @@ _RUN_AWAY = int(Status.RUN_AWAY)
 
 @compiled
 def _evaluate_joint(run, j, q, v, tau, time, elapsed):
-    """Add joint j's forces to tau, its losses to powers; the last state was `elapsed` [s] ago."""
+    """Add joint j's forces to tau and its losses to the powers.
+
+    `elapsed` is the time since the last state of the trajectory [s].
+    """
     joint = run.joints[j]
-    if joint.first >= 0:
-        pose_of_virtual_link(q, joint)
-    else:
-        pose_of_frames(run, joint, joint.pose, joint.jacobian)
+    find_pose(run, joint, q)
     for r in range(6):
         joint.wrench[r] = 0.0
     touching = find_gaps(run, j, joint)
@@ -78,10 +73,10 @@ def _evaluate_joint(run, j, q, v, tau, time, elapsed):
 
 @compiled
 def _evaluate_state(run, q, v, time):
-    """Generalised forces tau and powers at state (q, v).
+    """Find generalised forces tau and powers at state (q, v).
 
-    With `run.commit` the state is one of the trajectory, not an intermediate stage: the contacts'
-    memories are then updated.
+    With `run.commit` the state is one of the trajectory, not an intermediate stage: the history of
+    contacts, gears, servos and bristles is then updated.
     """
     nv = run.nv
     tau = run.tau
@@ -91,6 +86,7 @@ def _evaluate_state(run, q, v, time):
         size += abs(v[i])
     for i in range(_NP):
         run.power[i] = 0.0
+    # Forces on coordinates: drives, joint friction, gears, loads.
     apply_drives(run, q, v, time, tau)
     apply_servos(run, q, v, time, tau)
     add_drive_power(run, v)
@@ -107,12 +103,13 @@ def _evaluate_state(run, q, v, time):
         commit_gears(run)
     elapsed = run.dt if committed and run.step > 0 else time - run.time
     duration = run.dt if run.step > 0 else 0.0
-    # Euler's method, whose velocities are those of the step's end, is stable with bristles that
-    # are, too.
+    # Bristles are kept half a step ahead with Runge-Kutta; with Euler's method, whose velocities
+    # are those of the step's end, it is stable if bristles are those of the end, too.
     ahead = 0.5 * run.dt if run.averaged != 0 else 0.0
     if committed:
         commit_bristles(run, v, ahead)
         commit_servos(run)
+    # Forces of the joints with clearance.
     for j in range(run.nj):
         _evaluate_joint(run, j, q, v, tau, time, elapsed)
         if committed:
@@ -125,13 +122,13 @@ def _evaluate_state(run, q, v, time):
 
 @compiled
 def evaluate_forces(run):
-    """Forces at the state that a method prepared, Jacobians given."""
+    """Find the forces at the state that `_prepare_evaluation` left, Pinocchio's Jacobians given."""
     _evaluate_state(run, run.q, run.v, run.load_time)
 
 
 @compiled
 def _prepare_evaluation(run, q, v, time, commit):
-    """Prepare the acceleration at state (q, v), or leave that to `evaluate_forces`."""
+    """Find the forces at state (q, v), or leave that to `evaluate_forces` if it needs Jacobians."""
     run.commit = 1 if commit else 0
     if run.prescribed != 0:
         prescribe_motion(run, q, v, time)
@@ -143,13 +140,13 @@ def _prepare_evaluation(run, q, v, time, commit):
 
 @compiled
 def begin(run, commit):
-    """Forces at the current state."""
+    """Find the forces at the current state, one of the trajectory if `commit`."""
     _prepare_evaluation(run, run.q, run.v, run.time, commit)
 
 
 @compiled
 def semi_implicit_euler(run):
-    """Step by v += a dt, q += v dt (first order)."""
+    """Do a step of the semi-implicit Euler method, v += a dt, then q += v dt (first order)."""
     nv = run.nv
     q, v, a = run.q, run.v, run.a
     complete_step(run)
@@ -168,10 +165,10 @@ def semi_implicit_euler(run):
 
 @compiled
 def runge_kutta_4(run):
-    """One stage of the classical Runge-Kutta method.
+    """Do one stage of the classical Runge-Kutta method.
 
     The works are integrated with the state, as further components, and so is the impulse of each
-    force: what is recorded is its mean over the step that led to the state.
+    force: the force recorded is its mean over the step that led to the state.
     """
     nv = run.nv
     q, v, a = run.q, run.v, run.a
@@ -180,6 +177,7 @@ def runge_kutta_4(run):
     complete_step(run)
     if stage == 0 and is_due(run, run.step):
         write_record(run)
+    # Add this stage's rates, weighted by 1/6, 1/3, 1/3, 1/6, to the sums.
     weight = dt / 6.0 if stage == 0 or stage == 3 else dt / 3.0
     for i in range(_NP):
         before = 0.0 if stage == 0 else run.stage_work[i]
@@ -187,6 +185,7 @@ def runge_kutta_4(run):
     add_stage_work(run, stage, weight)
     for j in range(run.nj):
         average_stage_forces(run.joints[j], run.contacts[j], stage, weight / dt)
+    # Go on to the next stage, at 1/2, 1/2 and 1 of the step, or to its end.
     ahead = dt if stage == 2 else 0.5 * dt
     advance_cages_by_stage(run, v, stage, weight, ahead)
     for i in range(nv):

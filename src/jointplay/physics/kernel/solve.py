@@ -4,15 +4,22 @@ The multi-rate method asks, in every micro step, for the velocity v with
 
     v = v_half + h (a_free + M^-1 [tau + tau_c(q, v)]),    h = dt/2
 
-v_half being the velocity half a step ago, tau what does not depend on v, and tau_c all that does:
-contacts (their elastic part, too), films, joint friction, gears, damping of loads. Newton's method
-on those coordinates that tau_c moves, for the rims of one journal couple strongly; the matrix is
+v_half being the velocity half a step ago, tau the forces that do not depend on v, and tau_c those
+that do: contacts (their elastic part, too), films, joint friction, gears, damping of loads.
+
+1. `find_velocity_forces` finds gaps, elastic forces and bristles at q, and lists the coordinates on
+   which tau_c acts.
+2. `solve_velocity` solves for v on these by Newton's method, all contacts at once, for the rims of
+   one journal couple strongly. The matrix is
 
     I - h M^-1 d(tau_c)/dv
 
-Where laws fall with speed the step is shortened until the error falls. Reference for friction
-as one implicit problem in velocity: M. Anitescu, F. Potra, Int. J. Numer. Meth. Engng 55 (2002)
-753-784; A. Castro, X. Han, J. Masterjohn, Irrotational Contact Fields, arXiv 2312.03908 (2023).
+   It is kept from step to step as long as it converges fast (a chord method). Where friction falls
+   with speed, the Newton step is halved until the residual falls.
+
+Reference for friction as one implicit problem in velocity: M. Anitescu, F. Potra, Int. J. Numer.
+Meth. Engng 55 (2002) 753-784; A. Castro, X. Han, J. Masterjohn, Irrotational Contact Fields, arXiv
+2312.03908 (2023).
 """
 
 from __future__ import annotations
@@ -34,10 +41,9 @@ from jointplay.physics.kernel.drive import (
 )
 from jointplay.physics.kernel.film import add_film_forces, add_film_slope
 from jointplay.physics.kernel.frames import (
+    find_pose,
     find_twist,
     place_bodies,
-    pose_of_frames,
-    pose_of_virtual_link,
     project_slope,
     project_wrench,
 )
@@ -46,36 +52,31 @@ from jointplay.physics.kernel.layout import BASE, ERROR, INERTIA, LAST, MARKS, P
 from jointplay.physics.kernel.load import add_load_slopes, apply_velocity_loads, evaluate_loads
 
 TOLERANCE = 1e-9
-"""Error of the velocity solve in each coordinate, their root mean square, as the root of twice its
+"""Residual velocity tolerated, root mean square over the coordinates, each as the root of twice its
 kinetic energy [kg^0.5 m/s]."""
 RELATIVE_TOLERANCE = 1e-11
-"""The same relative to the state's own."""
+"""Residual velocity tolerated besides, relative to the velocity without tau_c in the same norm."""
 MOST_LISTED = 0.75
-"""Where more than this part of all coordinates take part, all do: their rows lie there already."""
+"""Part of all coordinates beyond which all are solved for: their rows of M^-1 need no copying."""
 SINGLE = 6
-"""Coordinates of one joint with clearance: loops of this length are compiled on their own."""
+"""Coordinates of one joint with clearance: loops of this length are compiled separately, their
+length known to the compiler."""
 CONTRACTION = 0.1
-"""A matrix that brings the error down by less than this is reckoned anew."""
+"""Ratio of successive residuals above which a kept Newton matrix is computed anew."""
 REFINED = 0.05
-"""Below this part of the tolerance an error does not spoil the guesses extrapolated from it."""
+"""Residual, over the tolerance, below which it does not spoil the guesses extrapolated from it."""
 MOST_TRIALS = 40
-"""Velocities tried before the best of them is taken."""
+"""Most trial velocities in a solve."""
 LEAST_PART = 1.0 / 64.0
 """Smallest part of a Newton step that is tried."""
 
 
 @compiled
-def find_pose(run, joint, q):
-    """Pose of the journal of a joint at the coordinates q, at which `place_bodies` was called."""
-    if joint.first >= 0:
-        pose_of_virtual_link(q, joint)
-    else:
-        pose_of_frames(run, joint, joint.pose, joint.jacobian)
-
-
-@compiled
 def find_velocity_forces(run, q, half):
-    """Find what depends on the velocity at q, and list the coordinates that it moves."""
+    """Find which forces at q depend on velocity, and list the coordinates on which they act.
+
+    `half`, the half-step velocity, tells when contacts began that touch for the first time.
+    """
     nv = run.nv
     touched, place = run.touched, run.place
     marks = run.trial[MARKS]
@@ -146,7 +147,7 @@ def evaluate_velocity_forces(run, q, v):
 
 @compiled
 def _evaluate_slopes(run, q, v):
-    """Evaluate the Jacobian of tau_c at the last evaluated state into `slope`."""
+    """Evaluate d(tau_c)/dv at the last evaluated state into `slope`."""
     slope = flat(run.slope)
     for i in range(slope.size):
         slope[i] = 0.0
@@ -168,11 +169,11 @@ def _evaluate_slopes(run, q, v):
 
 @contracted
 def add_rows(rows, factors, total, n, size):
-    """Put the sum of `n` rows, each times its factor, into the first `size` of `total`.
+    """Add up `n` rows, each times its factor, into the first `size` elements of `total`.
 
-    This is the product of a symmetric matrix and a vector in the order that processors can do
-    several at a time: a sum along a row must be done one after the other. Six rows at once, as many
-    as a joint has, for `total` need be read and written less often.
+    This is the product of a symmetric matrix and a vector in an order that vectorises; a sum along
+    a row would have to be done one term after the other. Six rows at once, as many as a joint has,
+    so that `total` is read and written less often.
     """
     for a in range(size):
         total[a] = 0.0
@@ -200,17 +201,17 @@ def weighted_square(values, weights, n):
 
 
 @compiled
-def _listed_compliance(run, n):
-    """M^-1 of the coordinates that take part."""
+def _active_compliance(run, n):
+    """M^-1 of the active coordinates, shape (n, n)."""
     return square(run.minv if n == run.nv else run.compliance, n)
 
 
 @compiled
 def _residual(run, h, n):
-    """Write the residual of the velocity equation; returns its squared norm."""
+    """Write the residual v - base - h M^-1 tau_c; returns its squared norm, weighted by inertia."""
     trial = run.trial
     speed, base, inertia, error = trial[SPEED], trial[BASE], trial[INERTIA], trial[ERROR]
-    add_rows(_listed_compliance(run, n), trial[PUSH], error, n, n)
+    add_rows(_active_compliance(run, n), trial[PUSH], error, n, n)
     for a in range(n):
         error[a] = speed[a] - base[a] - h * error[a]
     return weighted_square(error, inertia, n)
@@ -218,7 +219,7 @@ def _residual(run, h, n):
 
 @compiled
 def _evaluate_trial(run, q, v, h):
-    """Evaluate tau_c at the velocities in `trial`; returns the error squared."""
+    """Evaluate tau_c and the residual at the velocities in `trial`; returns its squared norm."""
     n, touched = run.active, run.touched
     trial, tau = run.trial, run.velocity_forces
     for a in range(n):
@@ -231,21 +232,21 @@ def _evaluate_trial(run, q, v, h):
 
 @compiled
 def _factor(run, h):
-    """Put the inverse of I - h M^-1 slope, transposed, into `inverse`.
+    """Invert I - h M^-1 d(tau_c)/dv, transposed, into `inverse`.
 
-    By Gauss and Jordan's elimination in place, with exchange of rows.
+    By Gauss-Jordan elimination in place with partial pivoting.
     """
     n = run.active
     inverse, exchanged = run.inverse, run.exchanged
-    compliance, slope = _listed_compliance(run, n), run.slope
-    # The transpose of M^-1 slope is the sum of rows of M^-1, which is symmetric.
+    compliance, slope = _active_compliance(run, n), run.slope
+    # As M^-1 is symmetric, each row of the transposed product is a sum of rows of M^-1.
     for a in range(n):
         row = inverse[a]
         for b in range(n):
             row[b] = 0.0
         for c in range(n):
             factor = h * slope[c, a]
-            if factor != 0.0:  # most coordinates do not act on each other
+            if factor != 0.0:  # most coordinates exert no force on each other
                 for b in range(n):
                     row[b] -= factor * compliance[c, b]
         row[a] += 1.0
@@ -271,6 +272,7 @@ def _factor(run, h):
                 exchanged_row[k] = 0.0
                 for b in range(n):
                     exchanged_row[b] -= factor * row[b]
+    # Rows exchanged in the matrix are columns exchanged in its inverse, last first.
     for k in range(n - 1, -1, -1):
         best = exchanged[k]
         if best != k:
@@ -281,7 +283,7 @@ def _factor(run, h):
 
 @compiled
 def _newton_step(run, n):
-    """Write the Newton step of the last factored matrix into `trial`."""
+    """Write the Newton step of the matrix inverted last into `trial`, and where it starts."""
     trial, inverse = run.trial, square(run.inverse, n)
     add_rows(inverse, trial[ERROR], trial[STEP], n, n)
     for a in range(n):
@@ -290,11 +292,11 @@ def _newton_step(run, n):
 
 
 @compiled
-def _list_compliance(run, n):
-    """Gather M^-1 of the coordinates that take part, if these are not all."""
+def _gather_compliance(run, n):
+    """Gather M^-1 of the active coordinates, if these are not all, into `compliance`."""
     touched, minv, compliance = run.touched, run.minv, run.compliance
     first = touched[0]
-    if n == SINGLE and touched[SINGLE - 1] == first + SINGLE - 1:  # a virtual link's
+    if n == SINGLE and touched[SINGLE - 1] == first + SINGLE - 1:  # those of one virtual link
         compliance = square(compliance, SINGLE)
         for a in range(SINGLE):
             for b in range(SINGLE):
@@ -307,8 +309,8 @@ def _list_compliance(run, n):
 
 
 @compiled
-def _initial_guess(run, base, v, n):
-    """Start from the velocities `v`; returns the squared tolerance of the residual."""
+def _start_trials(run, base, v, n):
+    """Start the trials from the velocities `v`; returns the squared tolerance of the residual."""
     touched, trial, inertia = run.touched, run.trial, run.inertia
     if n == run.nv:
         for a in range(n):
@@ -332,12 +334,12 @@ def _take_step(run, q, v, h, part):
 
 @compiled
 def _refine(run, n):
-    """Take a last Newton step without evaluating what it leaves, which is less than there was.
+    """Take a last Newton step without evaluating its residual, which is less than the last.
 
-    Guesses of the next velocities are extrapolated from those found, and enlarge their errors. Not
-    for one joint: impulses are exactly those of the forces evaluated last then, which they are
-    within the tolerance otherwise. Nor where coordinates are left out, for these would go on as
-    those forces say.
+    The guesses of the next velocities are extrapolated from those found, and enlarge their errors.
+    Not done for a single joint, whose impulses are then exactly those of the forces evaluated last
+    (otherwise only within the tolerance). Nor where coordinates are left out, for these move by the
+    forces evaluated last.
     """
     trial = run.trial
     _newton_step(run, n)
@@ -348,15 +350,16 @@ def _refine(run, n):
 
 @compiled
 def solve_velocity(run, q, base, v, h):
-    """Find v on the coordinates that `find_velocity_forces` listed, by Newton's method from `v`.
+    """Solve for v on the coordinates that `find_velocity_forces` listed, by Newton's method.
 
-    The matrix of an earlier step is used as long as each trial brings the error down by
-    `CONTRACTION`. Where it does not get there the last velocity is taken, and counted.
+    It starts from the `v` given. The matrix of an earlier step is used as long as each trial
+    reduces the residual by `CONTRACTION`. A solve that does not converge takes the last velocity
+    and is counted.
     """
     n = run.active
     if n < run.nv:
-        _list_compliance(run, n)
-    limit = _initial_guess(run, base, v, n)
+        _gather_compliance(run, n)
+    limit = _start_trials(run, base, v, n)
     error, trials = _evaluate_trial(run, q, v, h), 1
     old = run.factored == n
     while not error <= limit:
@@ -370,10 +373,12 @@ def solve_velocity(run, q, base, v, h):
         least, part = error, 1.0
         error, trials = _take_step(run, q, v, h, part), trials + 1
         if old:
+            # A kept matrix that converges slowly, or not at all, is replaced in the next trial.
             old = error < CONTRACTION * CONTRACTION * least
             if not error < least:
                 error = _take_step(run, q, v, h, 0.0)
             continue
+        # Line search by halving, with a matrix of this state.
         while not error < least and part > LEAST_PART and trials < MOST_TRIALS:
             part *= 0.5
             error, trials = _take_step(run, q, v, h, part), trials + 1

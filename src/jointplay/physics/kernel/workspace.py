@@ -27,14 +27,14 @@ FIXED = (
     *("dimensions", "dt", "reference_interval"),
     *("micro_tolerance", "shortest_micro", "longest_micro"),
 )
-"""Floats that a snapshot does not change."""
+"""Fields and arrays of floats that `restore` leaves as they are: the simulation's settings."""
 
 CACHE_LINE = 8
-"""Numbers in a cache line: vectors of numbers that cross two take twice as long to read."""
+"""Floats in a cache line; a vector register that crosses two lines takes twice as long to load."""
 LEFT_OUT = "reference"
-"""Array that a simulation makes again and no copy needs."""
+"""Array that a simulation makes again, and that no snapshot needs."""
 
-GIVEN = frozenset(
+SUPPLIED = frozenset(
     (
         *("a", "found_minv", "found_free", "world_jacobian", "open_minv", "open_free"),
         *("joints", "contacts", "loads", "drives", "servos", "frictions", "gears"),
@@ -43,7 +43,8 @@ GIVEN = frozenset(
         *("row_before", "row_after", "earlier_a"),
     )
 )
-"""Arrays that a workspace is given, shares with Pinocchio, or has only if they are needed."""
+"""Arrays that `Workspace` does not allocate at once: those it is given, shares with Pinocchio, or
+has only if they are needed."""
 
 
 class Workspace:
@@ -52,23 +53,23 @@ class Workspace:
     Args:
         data: Pinocchio's data of the run, whose results the kernels read in place.
         nv: number of coordinates.
-        sites: one for each joint with clearance.
+        sites: the joints with clearance.
         tables: drives, friction, gears and reference.
         dt: time step [s].
         record_every: steps between records.
         rows: room for records.
-        loads: what else acts.
-        own_acceleration: the kernels reckon the acceleration; else it is Pinocchio's.
+        own_acceleration: whether the kernels compute the acceleration; else it is Pinocchio's.
+        loads: what else acts on the mechanism.
 
     Attributes:
-        run, address: of `layout.RUN`, shape (1,), and where it lies.
+        run, address: the record `layout.RUN`, shape (1,), and its address.
         q, v: state, shape (nv,).
         drives, servos, frictions, gears: records of what acts on single coordinates.
         contacts: records of the contacts, shape (nj, width).
-        record: what was recorded, a row each.
-        fields: where quantities stand in a record, by name.
-        middle: q and v in the middle of the macro step that is planned, shape (nv,).
-        inverse_mass: Pinocchio's, its upper triangle, shape (nv, nv).
+        record: recorded states, one row each.
+        fields: columns of each recorded quantity, by name.
+        middle: q and v in the middle of the macro step that is planned, each of shape (nv,).
+        inverse_mass: Pinocchio's inverse mass matrix, its upper triangle, shape (nv, nv).
     """
 
     def __init__(
@@ -86,10 +87,10 @@ class Workspace:
         self.run = np.zeros(1, layout.RUN)
         self.address = self.run.ctypes.data
         self._pointed_to: list[np.ndarray] = []  # what records point to must live as long
-        self._arrays: dict[str, np.ndarray] = {}  # the same by name, but for Pinocchio's frames
+        self._arrays: dict[str, np.ndarray] = {}  # these by name, Pinocchio's frames left out
         self._own_acceleration = own_acceleration
         self.sites, self.load_sites = tuple(sites), tuple(loads)
-        # Views of single fields: to look a field up costs more than to read it.
+        # Views of single fields: looking a field up costs more than reading it.
         self._row, self._step = self.run["row"], self.run["step"]
         self._time, self._status = self.run["time"], self.run["status"]
         self._macros = self.run["macros"]
@@ -114,7 +115,7 @@ class Workspace:
             reference_interval=tables.interval,
         )
         self.fields = self._place_columns()
-        for name in layout.ARRAYS[layout.RUN].keys() - GIVEN:
+        for name in layout.ARRAYS[layout.RUN].keys() - SUPPLIED:
             self._allocate(name)
         names = ("q", "v", "half", "tau", "drive", "angular")
         self.q, self.v, self.half, self.tau, self.drive, self.angular = (
@@ -122,7 +123,7 @@ class Workspace:
         )
         path = self._arrays["path"]
         self.middle = (path[layout.MIDDLE], path[layout.MIDDLE_SPEED])
-        # What Pinocchio finds, the kernels read in place.
+        # The kernels read Pinocchio's results in place.
         self.inverse_mass = self._point("found_minv", data.Minv)
         self._point("found_free", data.ddq)
         self._point("world_jacobian", data.J)
@@ -135,7 +136,7 @@ class Workspace:
         if loads:
             self._set(load_part=apart("load"))
         self.sliding_work: list[np.ndarray] = []
-        """For each joint, normal force x sliding distance by part, contact and azimuth [N m]."""
+        """Per joint, normal force times sliding distance, (part, contact, azimuth) [N m]."""
         for index, load in enumerate(loads):
             self._write_load(index, load, data)
         for j, site in enumerate(sites):
@@ -143,7 +144,7 @@ class Workspace:
         self.windows = np.zeros((0, 2))
         self.record = np.zeros((rows, int(self.run["record_columns"][0])))
         self.kept_elsewhere = 0
-        """Records that are no longer in memory, see `release_records`."""
+        """Number of records that are no longer in memory, see `release_records`."""
         through_frames = (
             any(site.carriers is not None for site in sites) or self.loads["frames"].any()
         )
@@ -155,7 +156,7 @@ class Workspace:
             self.run[name] = value
 
     def _place_columns(self) -> dict[str, layout.Quantity]:
-        """Tell the kernels where the quantities of a record are; returns that by name."""
+        """Lay out the columns of a recorded row; returns them by the quantity's name."""
         fields, at = {}, 0
         for place, (name, sizes) in enumerate(layout.ROW.items()):
             self.run["columns"][0, place], shape = at, layout.extents(sizes, self.run[0])
@@ -173,7 +174,7 @@ class Workspace:
         return array
 
     def _allocate(self, name: str) -> np.ndarray:
-        """Let the record's field `name` point to an array of zeros, which begins a cache line."""
+        """Let the record's field `name` point to an array of zeros, aligned to a cache line."""
         declared = layout.ARRAYS[layout.RUN][name]
         shape = layout.extents(declared.room, self.run[0])
         line = 8 * CACHE_LINE
@@ -183,7 +184,7 @@ class Workspace:
         return self._point(name, room[first : first + size].view(declared.kind).reshape(shape))
 
     def _point_row(self, row: np.ndarray, arrays: Mapping[str, np.ndarray], called: str) -> None:
-        """Let fields of one of an array of records point to arrays, to be `called` so."""
+        """Let fields of a joint's or load's record point to arrays, kept by the names `called`."""
         for name, array in arrays.items():
             _check(row.dtype, row, name, array)
             row[name] = array.ctypes.data
@@ -200,17 +201,17 @@ class Workspace:
         state: Mapping[str, Mapping[str, float]],
         fixed: Collection[str],
     ) -> None:
-        """Write what `snapshot` found into the arrays.
+        """Write a snapshot into the arrays.
 
-        Sizes, places and addresses are not taken from it: it can come from a file, and compiled
-        code goes by them wherever they lead.
+        Sizes, indices and addresses are not taken from it: it can come from a file, and compiled
+        code would follow them wherever they lead.
 
         Args:
-            copies: by name.
+            copies: arrays of the snapshot, by name.
             state: whole numbers that steps change, each with its largest value: by name of the
-                array, its fields by name; an array that has none, as "". No other whole number is
+                array, then of the field ("" for an array without fields). No other whole number is
                 written.
-            fixed: floats that are not written either: arrays, and fields of the record.
+            fixed: arrays of floats, and fields of the record, that are not written either.
 
         Raises:
             JointplayError: it is that of another simulation, or no step leads to it; nothing is
@@ -241,7 +242,7 @@ class Workspace:
             np.copyto(target, source)
 
     def _take_tables(self, tables: CoordinateTables) -> None:
-        """Let the kernels read what acts on single coordinates."""
+        """Point the record to drives, servos, friction, gears and the reference."""
         self.drives = self._point("drives", tables.drives)
         prescribed = self.drives["armature"] > 0.0
         weights = self._arrays["weights"]
@@ -288,7 +289,12 @@ class Workspace:
     def _link_frames(
         self, row: np.ndarray, carriers: Carriers, signs: np.ndarray, data: pin.Data
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Let a joint or load be reached through its frames; returns support and signs."""
+        """Point a joint's or load's record to Pinocchio's frames that carry it.
+
+        Returns:
+            Coordinates that move one frame and not the other, and the sign of each: +1 for those
+            that move the journal, -1 for the bearing.
+        """
         for part, (index, placement) in zip(PARTS, carriers, strict=True):
             frame = data.oMi[index]
             for name in ("rotation", "translation"):
@@ -322,18 +328,19 @@ class Workspace:
             arrays |= {"support": support.astype(np.int64), "signs": signs}
             arrays["jacobian"] = np.zeros((6, n))
             load["frames"], load["nsupport"] = 1, n
-            places = layout.LOAD.fields
-            assert places is not None
+            # The law reads pose and twist, and writes the wrench, within the record itself.
+            offsets = layout.LOAD.fields
+            assert offsets is not None
             address = self.loads.ctypes.data + index * layout.LOAD.itemsize
             for name, field in (("place", "pose"), ("rate", "twist"), ("out", "wrench")):
-                load[name] = address + places[field][1]
+                load[name] = address + offsets[field][1]
         self._point_row(load, arrays, "load.{}." + str(index))
 
     def place(self, bodies: np.ndarray, carried: Sequence[CarriedFrame]) -> None:
         """Let the kernels, not Pinocchio, compute the poses of the bodies that carry joints.
 
         Args:
-            bodies: of `layout.BODY`, the ground first.
+            bodies: records `layout.BODY`, the ground first.
             carried: bearing and journal, in turn, of every joint that is reached through frames;
                 then both frames of every load that acts between two.
         """
@@ -352,7 +359,7 @@ class Workspace:
                 joint[f"{part}_placement"] = place
 
     def turn_body(self, coordinate: int, turn: np.ndarray) -> None:
-        """Let the body that coordinate (index in q) turns have this orientation (3, 3) at zero."""
+        """Set the orientation (3, 3), at zero, of the body that a coordinate (index in q) turns."""
         bodies = self._arrays.get("bodies")
         if bodies is not None:
             moved = np.flatnonzero(bodies["coordinate"] == coordinate)
@@ -362,14 +369,16 @@ class Workspace:
         """Have the kernels close the loops without clearance (`layout.HOLD`); after `place`."""
         self._set(nh=len(holds), loop_part=apart("loop"))
         self._point("holds", holds)
-        for name in ("minv", "free"):  # Pinocchio's, which the next plan looks at
+        # Pinocchio's results are those of the open tree then, and the kernels write those of the
+        # closed mechanism to arrays of their own.
+        for name in ("minv", "free"):
             self._point(f"open_{name}", self._arrays[f"found_{name}"])
             self._allocate(f"found_{name}")
         for name in ("loop_rows", "loop_residual", "loop_correction", "loop_minv"):
             self._allocate(name)
 
     def state(self) -> list[np.ndarray]:
-        """All arrays that a macro step changes, but for the records: to come back to a state."""
+        """All arrays that a macro step changes, recorded rows left out: to come back to a state."""
         records = [self.run, self.joints, self.contacts, self.loads]
         changing = [
             self._arrays[name]
@@ -380,9 +389,9 @@ class Workspace:
         return [*records, *changing, *out, *self.sliding_work]
 
     def snapshot(self) -> dict[str, np.ndarray]:
-        """Copies of all that the run has written, by name: to come back to it in another process.
+        """Copy everything the run has written, by name, for `restore` in another process.
 
-        The table of the reference is left out; addresses are zero.
+        The reference is left out; addresses are zero.
         """
         copies = {name: array.copy() for name, array in self._owned_arrays().items()}
         for copy in copies.values():
@@ -393,7 +402,7 @@ class Workspace:
         return copies
 
     def restore(self, copies: Mapping[str, np.ndarray]) -> None:
-        """Come back to what `snapshot` found in a workspace of the same simulation.
+        """Come back to a snapshot of a workspace of the same simulation.
 
         Raises:
             JointplayError: the snapshot is that of another simulation.
@@ -421,7 +430,7 @@ class Workspace:
 
     def _state_numbers(self) -> dict[str, dict[str, float]]:
         """Whole numbers that steps change, each with the largest value that it can have."""
-        last, longest, spots = len(self.q) - 1, float(self.run["longest"][0]), self.contacts.size
+        last, longest = len(self.q) - 1, float(self.run["longest"][0])
         flags = ("fresh", "pending", "commit", "refused", "averaged", "pushed_bends")
         counts = (
             *("until", "step", "row", "macros", "touching", "events", "unsolved"),
@@ -435,7 +444,7 @@ class Workspace:
             "known_a": 2.0,
             **dict.fromkeys(("suggested", "macro"), max(longest, 1.0)),
             "status": float(max(Status)),
-            "bad_contact": float(max(spots - 1, 0)),
+            "bad_contact": float(max(self.contacts.size - 1, 0)),
         }
         return {
             "run": run,
@@ -448,31 +457,37 @@ class Workspace:
         }
 
     def reserve_records(self, rows: int) -> None:
-        """Have room for `rows` records, before the first of them is written."""
+        """Make room for `rows` records, before the first of them is written."""
         self.record = np.zeros((rows, self.record.shape[1]))
         self._place_records()
 
     def release_records(self) -> np.ndarray:
-        """The records in memory (n, columns), valid until the next is written in their place."""
+        """Hand over the records in memory (n, columns), so that the next are written over them.
+
+        They are valid until then.
+        """
         records = self.record[: self.rows - self.kept_elsewhere]
         self.kept_elsewhere = self.rows
         self._place_records()
         return records
 
     def _place_records(self) -> None:
-        """Tell the kernels where records go: as if those that are elsewhere lay before them."""
+        """Set the address of the records, as if those that are elsewhere lay before them."""
         before = self.kept_elsewhere * self.record.strides[0]
         room = self.kept_elsewhere + len(self.record)
         self._set(record=self.record.ctypes.data - before, rows=room)
 
     def set_reference_block(self, reference: np.ndarray, first: int) -> None:
-        """Let drives go by another part of the reference, which begins with its node `first`."""
+        """Let drives follow another part of the reference, which begins with its node `first`.
+
+        The address is set as if the earlier nodes lay before it.
+        """
         self.reference = self._arrays["reference"] = np.ascontiguousarray(reference, float)
         before = first * self.reference.strides[0]
         self._set(reference=self.reference.ctypes.data - before)
 
     def record_windows(self, windows: Sequence[tuple[int, int]]) -> None:
-        """Record every step from the first to the last of each of these pairs of steps, too."""
+        """Record, besides, every step of these windows, each from its first to its last step."""
         self.windows = np.array(windows, float).reshape(-1, 2)
         self._set(windows=self.windows.ctypes.data, nwindows=len(self.windows))
 
@@ -486,7 +501,7 @@ class Workspace:
         return bool(self.run["through_frames"][0])
 
     def keep_copies(self) -> None:
-        """Have room to come back to the start of a macro step, and between states for records."""
+        """Allocate what adaptive micro steps need: copies to come back to, and rows in between."""
         for name in ("row_before", "row_after", "earlier_a"):
             self._allocate(name)
         arrays = [array for array in self.state() if array.size]
@@ -500,22 +515,22 @@ class Workspace:
 
     @property
     def unresolved(self) -> int:
-        """Shortest adaptive micro steps whose error was not tolerable."""
+        """Number of micro steps, the shortest allowed, whose error was still above tolerance."""
         return int(self.run["unresolved"][0])
 
     @property
     def rows(self) -> int:
-        """Records written so far."""
+        """Number of records written so far."""
         return self._row.item()
 
     @property
     def steps(self) -> int:
-        """Steps done so far."""
+        """Number of steps done so far."""
         return self._step.item()
 
     @property
     def macro_steps(self) -> int:
-        """Macro steps done so far, of the multi-rate method."""
+        """Number of macro steps done so far by the multi-rate method."""
         return self._macros.item()
 
     @property
@@ -530,30 +545,30 @@ class Workspace:
 
     @property
     def status(self) -> Status:
-        """Status of the run."""
+        """Whether the run goes on, or why it was stopped."""
         return Status(self._status.item())
 
     def fail(self, status: Status, joint: int) -> None:
-        """Stop the run because of a joint."""
+        """Stop the run because of a joint, given by its index."""
         self.run["status"], self.run["bad_contact"] = status, joint * max(self.contacts.shape[1], 1)
 
     @property
     def bad_contact(self) -> tuple[int, int]:
-        """(joint, contact) that stopped the run with `BROKE_OUT` or `BAD_FORCE`."""
+        """Indices (joint, contact) of what stopped the run with `BROKE_OUT` or `BAD_FORCE`."""
         joint, contact = divmod(int(self.run["bad_contact"][0]), max(self.contacts.shape[1], 1))
         return joint, contact
 
     def recorded(self, name: str) -> np.ndarray:
-        """A quantity of `layout.ROW` in the records in memory, shape (rows, ...)."""
+        """Values of a quantity of `layout.ROW` in the records in memory, shape (rows, ...)."""
         return self.fields[name].of(self.record[: self.rows - self.kept_elsewhere])
 
     def contact_statistics(self) -> dict[str, np.ndarray]:
-        """Per joint and contact, (nj, width): see `record.contact_statistics`."""
+        """Statistics of each joint's contacts, (nj, width); see `record.contact_statistics`."""
         return contact_statistics(self.contacts)
 
 
 def _check(record: np.dtype, row: np.ndarray, name: str, array: np.ndarray) -> None:
-    """See that an array is what `layout` declares, for compiled code takes it for that."""
+    """Assert that an array is what `layout` declares: compiled code relies on it."""
     declared = layout.ARRAYS[record].get(name)
     if declared is not None:
         size = math.prod(layout.extents(declared.room, row))

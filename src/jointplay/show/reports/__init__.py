@@ -27,7 +27,7 @@ from jointplay.show.reports.template import page
 from jointplay.simulation.result.result import Result
 from jointplay.simulation.result.stored import versions
 from jointplay.study import open_sweep
-from jointplay.study.outcome import NOT_RUN
+from jointplay.study.store import NOT_RUN
 
 IMPACTS = 5  # impacts of each case that are followed step by step by default (judged)
 

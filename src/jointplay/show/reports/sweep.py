@@ -26,7 +26,7 @@ from jointplay.show.reports.parts import (
     shortened,
 )
 from jointplay.study import sweep_table
-from jointplay.study.outcome import DONE, FAILED, NOT_RUN
+from jointplay.study.store import DONE, FAILED, NOT_RUN
 from jointplay.study.sweep_plan import SAMPLE
 
 _ROWS, _FIRST = 20, 2  # points of the grid, and charts, that stand unfolded (judged)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -20,31 +21,8 @@ from jointplay.study.nonlinear import lyapunov, observables, poincare
 from jointplay.study.nonlinear.rows import Key, Observation, Varied, rows
 from jointplay.study.nonlinear.steady_motion import RECORDS, Turning, start_travel, turn
 
-TURNS = {
-    "turns": (20, 2),
-    "bifurcation": (60, 60),
-    "poincare": (60, 200),
-    "lyapunov": (30, 100),
-    "recurrence": (60, 10),
-    "waterfall": (30, 20),
-    "runup": (10, 200),
-    "basin": (60, 30),
-}
-"""Kinds of analyses, each with its default numbers of settling turns and of observed turns, for
-cranks at constant speed."""
 CYCLES = (1, 8)
-"""These numbers for other motions."""
-OVER_VALUES = ("bifurcation", "waterfall", "runup")
-"""Kinds that need several values of a key; a Lyapunov exponent may have them."""
-MOST_NAMES = {
-    "poincare": 2,
-    "bifurcation": 1,
-    "waterfall": 1,
-    "runup": 1,
-    "lyapunov": 0,
-    "basin": 0,
-}
-"""Most quantities that a kind takes, unless any number."""
+"""Settling and observed turns of motions other than cranks at constant speed, by default."""
 NEAR = 1e-2
 """Points of a section count as the same if nearer than this part of the range of all points."""
 MOST_PLOTTED = 1500
@@ -93,8 +71,8 @@ class Analysis:
 
         Args:
             scenario, case: the scenario and its case.
-            kind: one of `TURNS`.
-            varied: a key and its values, for the kinds `OVER_VALUES`.
+            kind: one of `KINDS`.
+            varied: a key and its values, for kinds that vary one.
             names: quantities, see `observables.names`; none: those usual for the kind.
             leave_out, keep: settling turns at the start, and turns that are observed.
             phase: phase of the section in the turn, in turns.
@@ -109,17 +87,17 @@ class Analysis:
             JointplayError: arguments that do not go together, or a motion that does not repeat.
             MissingName: no such kind, case, joint or quantity.
         """
-        require_known("kind of study", kind, TURNS)
-        if kind in OVER_VALUES and varied is None:
+        require_known("kind of study", kind, KINDS)
+        if KINDS[kind].varies and varied is None:
             raise JointplayError(f"{kind} needs --vary KEY=FROM:TO:COUNT")
-        if varied is not None and kind not in (*OVER_VALUES, "lyapunov"):
+        if varied is not None and not KINDS[kind].varies and kind != "lyapunov":
             raise JointplayError(f"{kind} takes no --vary: it analyses a single motion")
         # A provisional observation, whose simulation tells what is usual for it.
         study = Observation(scenario, case, 0, 1, records, phase, (), varied, orders, joint or "")
         simulation = study.simulation(None if varied is None else varied.values[0])
         mechanism, motion = simulation.mechanism, simulation.motion
         crank = motion is not None and motion.interpolation == "constant-speed"
-        usual = TURNS[kind] if crank else CYCLES
+        usual = KINDS[kind].turns if crank else CYCLES
         if kind == "basin" and not joint and not mechanism.clearance:
             raise JointplayError("a basin needs a joint with clearance")
         joint = (joint or next(iter(mechanism.clearance))) if kind == "basin" else ""
@@ -156,34 +134,11 @@ class Analysis:
             say: called with each line that tells the findings.
 
         Raises:
-            JointplayError: no run was completed; see `rows.rows`.
+            JointplayError: see `rows.rows`.
         """
-        return _KINDS[self.kind](self, partial(self._rows, folder, jobs, progress, say), say)
-
-    def _rows(
-        self,
-        folder: Path,
-        jobs: int | None,
-        progress: bool,
-        say: Callable[[str], object],
-        columns: Sequence[str],
-        work: Callable[[Key], np.ndarray],
-        keys: Sequence[Key],
-    ) -> np.ndarray:
-        """Rows of numbers for the keys, computed or read; tells how many, and which failed."""
-        table = folder / f"{self.kind}.csv"
         inputs = {"kind": self.kind, **self.study.inputs()}
-        numbers, computed, failures = rows(table, inputs, columns, work, keys, jobs, progress)
-        say(f"{computed} of {len(keys)} runs computed now, {len(keys) - computed} earlier")
-        failed = [key for key in keys if key in failures]
-        for key in failed[:3]:
-            location = f" at {', '.join(f'{x:g}' for x in key)}" if key else ""
-            say(f"failed{location}: {failures[key]}")
-        if len(failed) > 3:
-            say(f"... and {len(failed) - 3} more, see {table}")
-        if len(failed) == len(keys):
-            raise JointplayError(f"no run was completed: {failures[keys[0]]}")
-        return numbers
+        compute = partial(rows, folder / f"{self.kind}.csv", inputs, jobs, progress, say)
+        return KINDS[self.kind].evaluate(self, compute, say)
 
     @property
     def title(self) -> str:
@@ -234,7 +189,7 @@ def _names(
     kind: str, requested: tuple[str, ...], simulation: Simulation, joint: str
 ) -> tuple[str, ...]:
     """Quantities to observe: those requested, or those usual for the kind."""
-    if len(requested) > (limit := MOST_NAMES.get(kind, len(requested))):
+    if len(requested) > (limit := KINDS[kind].most_names):
         raise JointplayError(f"{kind} takes {limit or 'no'} --of, got {len(requested)}")
     clearance, first = simulation.mechanism.clearance, observables.usual(simulation.mechanism)
     if kind == "lyapunov":
@@ -258,7 +213,7 @@ def _names(
 
 Rows = Callable[[Sequence[str], Callable[[Key], np.ndarray], Sequence[Key]], np.ndarray]
 """Function of column names, the function that computes a row, and keys, which returns the rows,
-shape (keys, columns): `Analysis._rows`."""
+shape (keys, columns): `rows.rows`."""
 Say = Callable[[str], object]
 
 
@@ -415,13 +370,26 @@ def _basin(job: Analysis, rows: Rows, say: Say) -> Findings:
     return Findings("basin", {**data, "joint": study.joint, "title": job.title})
 
 
-_KINDS: dict[str, Callable[[Analysis, Rows, Say], Findings]] = {
-    "bifurcation": _bifurcation,
-    "poincare": _section,
-    "lyapunov": _exponents,
-    "recurrence": _recurrence,
-    "turns": _turns,
-    "waterfall": _waterfall,
-    "runup": _run_up,
-    "basin": _basin,
+@dataclass(frozen=True)
+class Kind:
+    """A kind of analysis, and what it takes."""
+
+    evaluate: Callable[[Analysis, Rows, Say], Findings]
+    turns: tuple[int, int]
+    """Settling and observed turns of cranks at constant speed, by default."""
+    most_names: float = math.inf
+    """Most quantities that it takes."""
+    varies: bool = False
+    """Whether it needs several values of a key; a Lyapunov exponent may have them."""
+
+
+KINDS = {
+    "turns": Kind(_turns, (20, 2)),
+    "bifurcation": Kind(_bifurcation, (60, 60), 1, varies=True),
+    "poincare": Kind(_section, (60, 200), 2),
+    "lyapunov": Kind(_exponents, (30, 100), 0),
+    "recurrence": Kind(_recurrence, (60, 10)),
+    "waterfall": Kind(_waterfall, (30, 20), 1, varies=True),
+    "runup": Kind(_run_up, (10, 200), 1, varies=True),
+    "basin": Kind(_basin, (60, 30), 0),
 }

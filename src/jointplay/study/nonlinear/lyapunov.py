@@ -9,14 +9,14 @@ The exponent is the mean logarithm of the growth of the distance, over the inter
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from jointplay.base.errors import JointplayError, require_positive, require_share, require_whole
 from jointplay.model.loop import closing_rows
-from jointplay.simulation.loads.drive import Prescribed
+from jointplay.simulation.loads.drive import Prescribed, assign
 from jointplay.simulation.result.variables import unit_of
 from jointplay.simulation.run import Run
 from jointplay.simulation.simulation import Simulation
@@ -122,9 +122,7 @@ def growths(
     return logarithms
 
 
-def stretching(
-    simulation: Simulation, interval: float, prepare: Callable[[Run], None] | None = None
-) -> np.ndarray:
+def stretching(simulation: Simulation, interval: float) -> np.ndarray:
     """Logarithm of the growth of the distance between two runs in each interval, (intervals,).
 
     After each interval the second run is put back to the distance `APART` from the first, and the
@@ -134,7 +132,6 @@ def stretching(
     Args:
         simulation: the simulation, run to its end.
         interval: length of an interval, a whole number of steps [s].
-        prepare: changes the state of each run before it begins.
 
     Raises:
         JointplayError: a run failed, or the base is free.
@@ -142,8 +139,6 @@ def stretching(
     check_base(simulation.mechanism)
     runs = [Run(simulation) for _ in range(2)]
     for run in runs:
-        if prepare is not None:
-            prepare(run)
         run.begin()
     first, second = (run.workspace for run in runs)
     scale, free = _weights(runs[0])
@@ -178,11 +173,8 @@ def _weights(run: Run) -> tuple[np.ndarray, np.ndarray]:
     lengths = np.array([unit_of(mechanism, name) == "m" for name in mechanism.coordinates])
     weights = np.where(lengths, 1.0, WEIGHT_OF_ANGLES)
     free = np.ones(len(weights))
-    driven = [] if simulation.motion is None else simulation.motion.joints
-    for name in driven:
-        drive = simulation.drive
-        joint_drive = drive.get(name) if isinstance(drive, Mapping) else drive
-        if isinstance(joint_drive, Prescribed):
+    for name, drive in assign(mechanism, simulation.motion, simulation.drive).items():
+        if isinstance(drive, Prescribed):
             free[[mechanism.coordinate(name), mechanism.motor(name)]] = 0.0
     return np.concatenate([weights, WEIGHT_OF_SPEEDS * weights]), np.tile(free, 2)
 

@@ -176,8 +176,9 @@ class Observation:
 
     def section_from(self, key: Key) -> np.ndarray:
         """`section` of a run whose journal starts at (x, y) [m], the key."""
+        x, y = key
         centred = dataclasses.replace(self.simulation(), start="centred", seed=None)
-        points = self._observed(centred, steady_motion.placing(self.joint, *key))
+        points = self._observed(centred, partial(steady_motion.place, self.joint, x, y))
         return once_per_turn(points, self.records, self.phase).ravel()
 
     def inputs(self) -> dict[str, Any]:
@@ -195,12 +196,13 @@ class Observation:
 def rows(
     path: Path,
     inputs: Mapping[str, Any],
+    jobs: int | None,
+    progress: bool,
+    say: Callable[[str], object],
     columns: Sequence[str],
     work: Callable[[Key], np.ndarray],
     keys: Sequence[Key],
-    jobs: int | None = None,
-    progress: bool = False,
-) -> tuple[np.ndarray, int, dict[Key, str]]:
+) -> np.ndarray:
     """Compute rows of numbers in parallel, and write their table, a CSV file.
 
     Rows are kept as they are computed, in the file of the same name that ends in ``.runs``; those
@@ -210,17 +212,18 @@ def rows(
     Args:
         path: file of the table.
         inputs: all that rows depend on beside their keys, as plain data.
+        jobs, progress: see `Study.outcomes`.
+        say: called with lines that tell how many rows are computed now, and which failed.
         columns: names of the numbers of a row, with units.
         work: function of a key that returns its row.
         keys: keys of the rows.
-        jobs, progress: see `Study.outcomes`.
 
     Returns:
-        Numbers, shape (keys, columns), NaN where a key failed; how many rows were computed now;
-        messages of the keys that failed.
+        Numbers, shape (keys, columns), NaN where a key failed.
 
     Raises:
-        JointplayError: the file was made with other inputs, or cannot be read or written.
+        JointplayError: no run was completed; the file was made with other inputs, or cannot be read
+            or written.
     """
     runs_file = path.with_suffix(".runs")
     if path.exists() and not runs_file.exists():
@@ -237,7 +240,17 @@ def rows(
     quantities = [Column(name, x, key=name) for name, x in zip(columns, numbers.T, strict=True)]
     table = Table((values, messages, *quantities)).csv(None)
     files.write(path, table, overwrite=True, announced=False)
-    return numbers, len(store) - present, failures
+    computed = len(store) - present
+    say(f"{computed} of {len(keys)} runs computed now, {len(keys) - computed} earlier")
+    failed = [key for key in keys if key in failures]
+    for key in failed[:3]:
+        location = f" at {', '.join(f'{x:g}' for x in key)}" if key else ""
+        say(f"failed{location}: {failures[key]}")
+    if len(failed) > 3:
+        say(f"... and {len(failed) - 3} more, see {path}")
+    if len(failed) == len(keys):
+        raise JointplayError(f"no run was completed: {failures[keys[0]]}")
+    return numbers
 
 
 def _computed(work: Callable[[Key], np.ndarray], key: Key) -> dict[str, np.ndarray]:

@@ -61,12 +61,9 @@ def turn(motion: Motion | None) -> float:
 
 def check_turns(leave_out: int, keep: int, records: int) -> None:
     """Raise a JointplayError if a number of turns, or of records in a turn, is out of range."""
-    for option, value, minimum in (
-        ("leave-out", leave_out, 0),
-        ("keep", keep, 1),
-        ("records", records, 4),
-    ):
-        require_whole(option, value, minimum)
+    require_whole("leave-out", leave_out, 0)
+    require_whole("keep", keep, 1)
+    require_whole("records", records, 4)
 
 
 def check_base(mechanism: Mechanism) -> None:
@@ -191,23 +188,19 @@ def start_travel(simulation: Simulation, joint: str) -> tuple[float, float]:
     return float(x), float(y)
 
 
-def placing(joint: str, x: float, y: float) -> Prepare:
-    """Function that puts the journal of a joint at (x, y) in its bearing before a run begins [m].
+def place(joint: str, x: float, y: float, run: Run) -> None:
+    """Put the journal of a joint at (x, y) in its bearing before a run begins [m].
 
     In a loop the coordinates that are not driven move for it.
     """
-
-    def prepare(run: Run) -> None:
-        mechanism, q = run.mechanism, run.workspace.q
-        coordinates = enumerate(mechanism.coordinates)
-        offsets = [k for k, c in coordinates if c.joint == joint and c.part in ("x", "y")]
-        motion = run.simulation.motion
-        driven = [] if motion is None else [mechanism.coordinate(name) for name in motion.joints]
-        free = offsets or [k for k in range(len(q)) if k not in driven]
-        for _ in range(3):  # Newton steps: the position depends almost linearly on coordinates
-            pin.forwardKinematics(mechanism.model, mechanism.data, q)
-            centre = mechanism.journal_pose(joint).translation[:2]
-            moves = mechanism.relative_jacobian(joint, q)[:2, free]
-            q[free] += np.linalg.pinv(moves) @ (np.array([x, y]) - centre)
-
-    return prepare
+    mechanism, q = run.mechanism, run.workspace.q
+    coordinates = enumerate(mechanism.coordinates)
+    offsets = [k for k, c in coordinates if c.joint == joint and c.part in ("x", "y")]
+    motion = run.simulation.motion
+    driven = [] if motion is None else [mechanism.coordinate(name) for name in motion.joints]
+    free = offsets or [k for k in range(len(q)) if k not in driven]
+    for _ in range(3):  # Newton steps: the position depends almost linearly on coordinates
+        pin.forwardKinematics(mechanism.model, mechanism.data, q)
+        centre = mechanism.journal_pose(joint).translation[:2]
+        moves = mechanism.relative_jacobian(joint, q)[:2, free]
+        q[free] += np.linalg.pinv(moves) @ (np.array([x, y]) - centre)

@@ -38,7 +38,7 @@ def run(options: argparse.Namespace) -> int:
     # Before anything is loaded that takes time.
     is_there(Path(options.out), options.resume or options.extend)
     from jointplay.study import open_sweep, plan_of, run_plan
-    from jointplay.study.outcome import FAILED
+    from jointplay.study.store import FAILED
     from jointplay.study.sweep_table import table
 
     plan = plan_of(options.file)
