@@ -188,7 +188,7 @@ class Choice:
     joint: str
     cause: str
     remaining: float
-    """Part of the cause that remains; 1 of play alone, which may have any size."""
+    """Part of the cause that remains; 1 when only play is allocated, which may have any size."""
     clearance: float
     """Radial clearance (across x, of a slider), or play of a gear whose joint slides [m]."""
     play: float
