@@ -76,6 +76,29 @@ def test_help_has_what_is_needed_most_often_and_all_of_it_when_asked(capsys):
     assert "takes nothing, or all, got 'everything'" in capsys.readouterr().err
 
 
+def test_the_short_help_keeps_units_within_a_clause_and_begins_with_what_is_needed_most(
+    capsys, monkeypatch
+):
+    monkeypatch.setenv("COLUMNS", "200")
+    with pytest.raises(SystemExit, match="0"):
+        main(["run", "--help"])
+    said = capsys.readouterr().out
+    assert "or time [s],<joint> [deg],..." in said
+    assert "joint with clearance, optionally its radial clearance, ISO 286 fit or rolling" in said
+    assert re.search(r"radial clearance .*tool \[m\]$", said, re.M)
+    assert re.search(r"simulated time \[s\]$", said, re.M)
+    places = [said.index(f"  --{name} ") for name in ("out", "joint", "motion", "set", "beside")]
+    assert places == sorted(places)
+
+
+def test_help_speaks_of_options_and_not_of_python(capsys):
+    with pytest.raises(SystemExit, match="0"):
+        main(["run", "--help", "all"])
+    said = " ".join(capsys.readouterr().out.split())
+    assert not re.search(r"\bNone (takes|derives|of)|None:|BANDWIDTH|hertz stiff", said)
+    assert "if not given, 100 rad/s" in said
+
+
 def test_commands_are_shown_by_what_they_are_for_and_where_to_begin(capsys):
     names = [name for several in GROUPS.values() for name in several]
     assert len(names) <= 17

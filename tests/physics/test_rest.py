@@ -232,3 +232,5 @@ def test_what_no_joint_can_bear_is_said(urdf):
     run = jp.Run(standing(robot))
     assert run.simulation.start == "centred"
     assert not run.rest.solved
+    (warning,) = (text for text in run.result().audit.warnings if "equilibrium" in text)
+    assert warning.startswith("the run starts centred, and falls into contact: ")

@@ -60,6 +60,12 @@ def test_later_settings_leave_the_values_of_earlier_ones_as_they_are():
     assert material == {"young": 207e9}
 
 
+def test_a_clearance_that_nobody_gave_is_said_to_be_assumed(capsys):
+    for joint, said in (("joint_b", True), ("joint_b=0.1 mm", False), ("joint_b=20 H7/f7", False)):
+        assert main(["budget", "scara", "--joint", joint]) == 0
+        assert ("assumed: clearance of 0.2 mm, bearings of" in capsys.readouterr().out) == said
+
+
 @pytest.mark.parametrize(
     ("joint", "size"),
     [

@@ -64,7 +64,7 @@ PRICES = {"C2": 1.3, "CN": 1.0, "C3": 1.0, "C4": 1.1, "CC0": 1.5, "C0": 1.0, "C1
           PRELOADED: 2.0, **{f"IT{grade}": 1.6 ** (7 - grade) for grade in range(1, 19)},
 }  # fmt: skip
 """Price of a class of bearings, or of a hole's or shaft's grade, relative to the usual one, unless
-it is given: assumed, of no catalogue. Of a grade it is the tolerance of IT7 over its own."""
+it is given: assumed, from no catalogue. That of a grade is the tolerance of IT7 over its own."""
 PATIENCE_S = 2.0
 """Time after which a progress bar is shown [s]."""
 COMPENSATION = "compensation"
@@ -72,8 +72,8 @@ COMPENSATION = "compensation"
 _MM = 1e3
 """Millimetres per metre: millimetres are the unit of clearances in their price."""
 _RENEWALS = 12
-"""Most rounds that compute plays anew at the last sizes; a solution that has not settled then is
-refused (judged)."""
+"""Most rounds that recompute the plays at the latest sizes; a solution that has not converged by
+then is refused (judged)."""
 _USED, _USED_ROUGH = 1e-6, 5e-4
 """Part of the target that may be left unused: less than sizes can be made to; and the resolution of
 the cuts where the error is not convex (judged)."""
@@ -188,7 +188,7 @@ class Choice:
     joint: str
     cause: str
     remaining: float
-    """Part of the cause that remains; 1 of play alone, which may have any size."""
+    """Part of the cause that remains; 1 when only play is allocated, which may have any size."""
     clearance: float
     """Radial clearance (across x, of a slider), or play of a gear whose joint slides [m]."""
     play: float
@@ -196,21 +196,21 @@ class Choice:
     offer: Offer | None
     """Bearing or fit that is bought."""
     before: float
-    """Share in the error before; NaN of play alone [m]."""
+    """Share in the error before; NaN when only play is allocated [m]."""
     after: float
     """Share in the error that is reached [m]."""
     gain: float
     """Error per clearance or play, where the target binds [1 or m/rad]."""
     price: float
     saved: float
-    """Price of the last micrometre of the clearance, which one more would save [1/µm]; of a gear
-    that turns, of the last arcmin of its play."""
+    """Price that one more micrometre of clearance would save [1/µm]; for the gear of a revolute
+    joint, one more arcmin of play."""
     held: str
-    """The bound that holds the size: ``target``, ``least`` or ``most``; of causes ``limit``, ``as
-    is`` where nothing is bought, or ``kept``; ``class`` of bearings, ``fit``."""
+    """The bound that is active: ``target``, ``least`` or ``most``; for causes ``limit``, ``as is``
+    where nothing is bought, or ``kept``; ``class`` for bearings, ``fit`` for fits."""
     order: int
-    """Of causes, the order in which to buy: rank by how much error the first of the price saves,
-    from 1 on; 0 where nothing is bought."""
+    """Order in which to buy improvements of causes: rank, from 1, by the error that the first unit
+    of price saves; 0 where nothing is bought."""
 
     @property
     def gear(self) -> bool:
@@ -230,7 +230,7 @@ class Allocation(Answer):
     """Which error it is, in words: a worst case, a quantile or the root mean square."""
     choices: tuple[Choice, ...]
     was: float
-    """The error before; NaN of play alone [m]."""
+    """The error before; NaN when only play is allocated [m]."""
     error: float
     """The error that is reached, by the static model with its second order [m]."""
     spread: tuple[float, float]
@@ -381,7 +381,7 @@ class Allocation(Answer):
         line += "" if np.isnan(self.was) else f" (as it is {was} {unit})"
         line += f"; price {self.total:.5g}"
         if self.total <= self.free * (1.0 + cheapest.TOLERANCE):
-            return line + "; within the target already, nothing is spent for it"
+            return line + "; already within the target, so nothing is spent"
         line += f" (without a target {self.free:.4g})" if self.free else ""
         if self.relief:
             line += f"; a target 1 % wider saves {0.01 * self.target * self.relief:.4g}"
@@ -456,7 +456,7 @@ def allocate(
 
     Raises:
         JointplayError: a target that cannot be reached, with what can be and what prevents it;
-            nothing to allocate; values that cannot be; see `budget`.
+            nothing to allocate; invalid values; see `budget`.
         MissingName: no such cost, joint, cause or class.
     """
     require_a("mechanism", mechanism, "Mechanism")
@@ -504,7 +504,7 @@ class _Market:
     def check(
         self, mechanism: Mechanism, causes: Mapping[str, Cause] | None, keep: Collection[str]
     ) -> None:
-        """Refuse unknown names, and values that cannot be."""
+        """Refuse unknown names and invalid values."""
         joints = [*mechanism.joints, *mechanism.mounts, *mechanism.loops]
         known = [*CAUSES, *(causes or {})]
         if causes is None and self.limits:
@@ -726,7 +726,7 @@ class _Search:
         return tuple(Corrected(*pair, before) for pair in zip(offers, after, strict=True))
 
     def error(self, model: ErrorModel, x: np.ndarray, choice: Sequence[int] | None = None) -> Error:
-        """The error of a model made with sizes x; `choice` has the size of each contribution."""
+        """The error of a model as a function of sizes x; `choice` maps contributions to sizes."""
         choice = self.choice(model) if choice is None else choice
         if self.quantile is not None:
             return cheapest.Quantile(model, choice, x, self.quantile, self.seed)

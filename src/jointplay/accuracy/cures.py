@@ -57,7 +57,7 @@ def _tighter(budget: PlayBudget, at: int) -> Iterator[Cure]:
         most = int(budget.shares.argmax())
         text = f"half the play of {budget.joints[most]} (jointplay allocate)"
         after = _worst(budget, at, most, 0.5)
-        yield Cure(text, worst, after, "at worst of play", budget.unit)
+        yield Cure(text, worst, after, "in the worst case", budget.unit)
 
 
 def _worst(budget: PlayBudget, at: int, source: int, part: float) -> float:
@@ -89,7 +89,7 @@ def _sprung(budget: PlayBudget, at: int) -> Iterator[Cure]:
             f"which keeps its teeth on one side at all {len(torque)} poses"
         )
         worst, after = float(budget.worst[at]), _worst(budget, at, k, 0.0)
-        yield Cure(text, worst, after, "at worst of play", budget.unit)
+        yield Cure(text, worst, after, "in the worst case", budget.unit)
 
 
 def _at_rest(budget: PlayBudget, at: int) -> Iterator[Cure]:

@@ -54,10 +54,10 @@ from jointplay.simulation.loads.drive import (
 LISTED = 2e-3
 """Part of the error below which a cause has no line of its own: less than a rounded percent."""
 _ON_ARCS = 0.02
-"""Part of the worst case by which the exact kinematics may differ without a note: it leaves two of
-its three digits (judged)."""
+"""Part of the worst case by which the exact kinematics may differ without a note: two of its three
+digits then still hold (judged)."""
 _MENTIONED = 0.01
-"""Part of the error at rest from which on a cause is named."""
+"""Smallest part of the error at rest for which a cause is named."""
 _DECIDES = 0.5
 """Part of the error at rest from which on friction is said to determine it, if friction can shift
 the tool so far."""
@@ -218,8 +218,8 @@ class PlayBudget(Budget):
         caveats = ""
         if any(c.fit is not None for c in self.model.contributions):
             caveats = (
-                "; the limits are of the loosest parts that fits allow, the RMS of any, the place "
-                "of rest of the middle ones"
+                "; the limits are for the loosest parts that fits allow, the RMS for any, the "
+                "position at rest for the middle ones"
             )
         more = float(self.second_order[at])
         if not more <= _ON_ARCS * self.worst[at]:
@@ -370,8 +370,8 @@ class PlayBudget(Budget):
     def rest_interval(self) -> np.ndarray:
         """Interval of errors in which friction can hold the tool: least and largest, (n, 4, 2) [m].
 
-        Along world x, y, z, and the distance from the ideal tool; on the safe side. In closed loops
-        all joints, and otherwise those of a kind without contacts, may be anywhere in their play.
+        Along world x, y, z, and the distance from the ideal tool; conservative. All joints of
+        closed loops, and joints of kinds without contacts, may be anywhere in their play.
         """
         return np.array([self.rest_positions.interval(i) for i in range(len(self.worst))])
 
@@ -652,7 +652,7 @@ class ErrorBudget(Budget):
         fits = "" if abs(off) < _ON_ARCS else ": too far for Jacobians; is the class right?"
         return [
             f"by cause: {shares}",
-            f"loads and heat displace the tool by {mean} mm along x, y, z in any case",
+            f"loads and heat always displace the tool by {mean} mm along x, y, z",
             f"{'warning: ' if fits else ''}by the exact kinematics the worst case is "
             f"{1e3 * self.reached:.4f} mm ({100 * off:+.2f} %{fits})",
             *(f"given: {line}" for line in self.given),

@@ -1,11 +1,10 @@
 """Where a machine with play can rest: at one place without friction, in a whole set with it.
 
 Without friction a journal slides to the least potential energy. To first order that is the point
-at which the support function of its play is attained (`joints.play`). But the axial torque of a
-load that tilts the joint does work only through the product of two tilts, as the drive's coupling
-has it, and so do the weights of all that tilts with it: where the first order leaves the tilt
-nearly open, the second decides. So `RestPositions.at` asks `simulation.statics`, as a run with
-start="rest" does.
+at which the support function of its play is attained (`joints.play`). But where the first order
+leaves a tilt nearly open, the second decides: an axial torque does work through the product of two
+tilts (docs/static_play.md), and so do the weights of all bodies that tilt with the joint. So
+`RestPositions.at` asks `simulation.statics`, as a run with start="rest" does.
 
 With Coulomb friction a journal rests wherever its contacts, each pushing within its friction cone,
 can balance its load. Friction forces that are given fractions of the normal forces can be added to
@@ -72,9 +71,9 @@ _UNBALANCED, _UNBALANCED_DRY = 0.01, 1e-5
 coefficient of friction, and without friction. The first widens the cones by a percent, less than
 their polygons do (judged)."""
 _ROUNDS, _DAMPED = 10, 5
-"""Rounds that find friction from normal forces and these from friction, the error shrinking by the
-coefficient of friction each time; and the round from which loads are averaged with the last ones,
-lest they swing between two ends (judged)."""
+"""Rounds that alternate between friction and normal forces, each of which shrinks the error by the
+coefficient of friction; and the round from which loads are averaged with the last ones, so that
+they do not oscillate (judged)."""
 _SETTLED = 1e-7
 """Relative change of a load that moves nothing: below `_LOAD_NOISE`."""
 _UNPRESSED = 1e-9
@@ -470,9 +469,9 @@ def _held_states(
         k = 0 if contacts[-1] is None else len(contacts[-1].contact)
         fractions.append(coefficient * _cone_points(k, random))
     loads = [load.copy() for load in disturbed]
-    # Half of the states follow their load as it turns with the tilt, which misses states from which
-    # this leads away. The others keep the load of their first, random position; those of them that
-    # do not balance the load where they end are sorted out below.
+    # Half of the states follow their load as it turns with the tilt, which diverges from some
+    # equilibria. The others keep the load of their first, random position; those that do not
+    # balance the load where they end are discarded below.
     follows = np.arange(STATES) % 2 == 0
     for turn in range(_ROUNDS):
         falls = np.concatenate(points, axis=1) @ curvature

@@ -2,15 +2,16 @@
 
 The model that a robot simulator can run is a hinge: a dead band between motor and link, stiffness
 and damping of the teeth, and dry friction. The dead band about the joint's own axis is that of its
-gear; the bearing's clearance gives none, as the drive turns the journal. The bearing gives friction
-about the axis, in proportion to its load, and lets the journal tilt: a dead band across the axis.
+gear; the bearing's clearance adds none, as the drive turns the journal. The bearing adds friction
+about the axis, in proportion to its load, and a dead band across the axis, as its journal can tilt.
 
 `reduce` fits it in these steps:
 
 1. The full model runs through two reversals of the one joint, the others standing.
 2. Friction is fitted to the contacts' friction while they slide.
 3. Stiffness and damping of the teeth are those of the gear; the damping, and the dead band of gears
-   with hysteresis, are those of a few candidates whose link comes closest to the full model's.
+   with hysteresis, are chosen from a few candidates: those with which the link comes closest to the
+   full model's.
 4. The stated error of the link's angle is `SAFETY` times the largest difference from the full
    model, together with what the longer steps of a simulator change.
 5. Lateral and axial play and the tilt come from the bearing's geometry, stiffnesses from its

@@ -32,7 +32,7 @@ SHELLS = ("bash", "zsh", "fish", "tcsh")
 FIRST = 'jointplay run ar4 --gear joint_2="0.5 deg" --out ar4'
 """A first command for newcomers, with a robot that ships."""
 
-ENDING = """jointplay COMMAND --help shows what is needed most often, --help all everything.
+ENDING = """jointplay COMMAND --help shows what is needed most often, --help all shows every option.
 Values are in SI units (m, s, kg, N, rad), or carry a unit, as in "0.1 mm"."""
 
 

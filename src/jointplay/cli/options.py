@@ -1,7 +1,7 @@
 """Options of commands: argparse with units, shared declarations, two sizes of help, short errors.
 
 A command's module declares options in `declare`, by argparse's ``add_argument``; its docstring
-heads its help. `--help` shows the options that are needed most often, `--help all` everything.
+heads its help. `--help` shows the options that are needed most often, `--help all` every option.
 """
 
 import argparse
@@ -63,7 +63,7 @@ SHARED: dict[str, dict[str, Any]] = {
     "--case": {"metavar": "NAME", "help": "case of the scenario (not needed if there is only one)"},
     "--jobs": {"type": int, "metavar": "N", "help": "processes (default: one per core)"},
     "--quiet": {**FLAG, "help": "do not show progress"},
-    "--detail": {**FLAG, "help": "print everything that is known, not only the answer"},
+    "--detail": {**FLAG, "help": "print all details, not only the answer"},
     "--json": {
         **FLAG, "help": "print the answer as JSON alone: numbers in SI, values with their origin"
     },
@@ -90,10 +90,10 @@ SHARED: dict[str, dict[str, Any]] = {
 """Options that several commands share."""
 
 FRONT = (
-    *("set", "case", "joint", "clearance", "preset", "gear", "friction", "motion", "duration"),
-    *("pose", "workspace", "payload", "tool"),
+    *("out", "joint", "clearance", "preset", "gear", "friction", "motion", "duration", "pose"),
+    *("workspace", "payload", "tool", "set", "case"),
 )
-"""Options in groups that the short help shows, too, after the options without a group."""
+"""Options that the short help of commands with input options shows first, in this order."""
 
 
 def full_help(action: argparse.Action) -> str:
@@ -111,10 +111,10 @@ def full_help(action: argparse.Action) -> str:
 def in_short(action: argparse.Action) -> argparse.Action:
     """A copy of an option for the short help: the help's first clause, unit and default."""
     text = full_help(action)
-    ends = re.findall(r"(?<= )\[[^]]+\](?= \(|$)", text)[:1]
-    ends += re.findall(r"\((?:default|required)[^)]*\)", text)[:1]
-    short = re.sub(r"\s*\([^()]*\)|\s*\[[^]]*\]", "", text)
+    short = re.sub(r"\s*\([^()]*\)", "", text)
     short = re.split(r"; |: |, such as |, by default ", short, maxsplit=1)[0]
+    ends = re.findall(r"(?<= )\[[^]]+\](?= \(|: |$)", text)[: not short.endswith("]")]
+    ends += re.findall(r"\((?:default|required)[^)]*\)", text)[:1]
     brief = copy.copy(action)
     brief.help = " ".join([short, *(end for end in ends if len(end) < LONG_DEFAULT)])
     return brief
@@ -216,15 +216,16 @@ class Parser(argparse.ArgumentParser):
         formatter.add_usage(self.usage, (), ())
         formatter.add_text(self.description)
         formatter.start_section(None)
+        order = {dest: n for n, dest in enumerate(FRONT, -len(FRONT)) if "set" in self.behind}
         shown = [
             action
             for action in self._actions
-            if action.dest in FRONT
+            if action.dest in order
             or not action.option_strings
             or action.required
             or (action.container is self._optionals and action.dest not in self.behind)  # type: ignore[attr-defined]
         ]
-        shown.sort(key=lambda action: (bool(action.option_strings), action.dest in FRONT))
+        shown.sort(key=lambda a: (bool(a.option_strings), not a.required, order.get(a.dest, 0)))
         formatter.add_arguments(map(in_short, shown))
         formatter.end_section()
         formatter.add_text(ALL.format(self.prog))

@@ -79,9 +79,9 @@ class Design:
     source: pin.Model
     """Pinocchio's own reading of `description`, shared; fixed joints with clearance float in it."""
     given_joints: dict[str, Any]
-    """Joints as given, by name: with clearance, or ideal ones, which say of what kind a loop's
-    joint or a ball is. A joint in a seat stands here without the seat, and its mount ``JOINT_seat``
-    beside it; a flexible link as its hinges ``LINK_hinge_1``, ...."""
+    """Joints as given, by name: those with clearance, and ideal ones, which give the kind of a
+    loop's joint or of a ball. A joint in a seat is listed without the seat, and its mount as
+    ``JOINT_seat``; a flexible link as its hinges ``LINK_hinge_1``, ...."""
     loops: dict[str, Loop]
     gears: dict[str, Any]
     """Gears by joint, as given, completed by rules."""
@@ -428,7 +428,7 @@ def _parsed(text: str, path: str) -> pin.Model:
 def build(design: Design) -> tuple[pin.Model, tuple[Coordinate, ...], dict[str, Frames]]:
     """Build Pinocchio's model of a mechanism.
 
-    Which loops need locks shows only in a model without locks: if some do, it is built again.
+    A model without locks shows which loops need them; if any do, it is built again with them.
 
     Returns:
         `model`, `coordinates` and `locks` of `Mechanism`.
@@ -487,7 +487,7 @@ def _needed_locks(design: Design, model: pin.Model) -> Iterator[tuple[str, Lock]
     """Locks by loop, for loops whose joint locks a freedom that the rest of the loop leaves free.
 
     A lock is needed if some coordinate moves the journal against the bearing in a locked direction;
-    that is looked for at three configurations, lest a direction stand still in one by chance.
+    this is tested at three configurations, as a direction may be at rest in one by chance.
     """
     data = model.createData()
     for name, loop in design.loops.items():
@@ -527,7 +527,7 @@ def _assembled(
     model.name, names = source.name, [*source.names]
     data = source.createData()
     pin.computeJointJacobians(source, data, pin.neutral(source))
-    moved = {0: 0}  # index in the new model of each joint of the source
+    moved = {0: 0}  # joint of the source -> its index in the new model
     turned = {0: pin.SE3.Identity()}  # old joint frame as seen from the new one
     coordinates: list[Coordinate] = []
 

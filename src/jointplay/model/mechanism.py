@@ -236,12 +236,12 @@ class Mechanism(Overview, Described, Design):
 
     @property
     def held(self) -> str:
-        """A sentence that the base is held; empty where nobody would ask, as of a linkage."""
+        """A sentence that the base is held; empty where that goes without saying (linkages)."""
         return "" if self.loops or self.free_base else self.description.held
 
     @property
     def base_words(self) -> str:
-        """A sentence whether the base is free or held; empty where nobody would ask."""
+        """A sentence on whether the base is free or held; empty where that goes without saying."""
         if self.free_base is None:
             return self.held
         falls = ", and it falls unless loads carry it" if any(self.gravity) else ""
@@ -472,7 +472,7 @@ class Mechanism(Overview, Described, Design):
         return (journal, bearing) if stated is not None and stated.exchanged else (bearing, journal)
 
     def closing_frames(self, name: str) -> Frames:
-        """`frames`, with the bearing's moved along to the journal where a curve guides it.
+        """`frames`, with the bearing's moved along its curve to the journal, if it has a curve.
 
         The bearing frame then stands where the journal would be without clearance, x along the
         curve. After `pin.forwardKinematics`.

@@ -12,6 +12,7 @@ from jointplay.base.units import readable
 from jointplay.model.gear import Gear
 from jointplay.model.gear_rules import SPREAD
 from jointplay.model.inertias import impossible_inertias
+from jointplay.physics.joints.base import SlidingClearance
 from jointplay.simulation.loads.drive import BANDWIDTH
 from jointplay.simulation.values import of_joint
 
@@ -152,6 +153,22 @@ def by_rule(mechanism: Mechanism, quantity: str) -> list[str]:
     ]
 
 
+def assumed(causes: Collection[str]) -> str:
+    """A clause on assumed values, which ends a sentence; empty without any."""
+    return f"; assumed: {', '.join(causes)}" if causes else ""
+
+
+def assumed_clearances(scenario: Scenario, case: str, mechanism: Mechanism) -> list[str]:
+    """Clearances that nobody gave, to which the error is proportional, a few words each."""
+    origins, causes = scenario.origins(case), list[str]()
+    for name, joint in mechanism.clearance.items():
+        if joint.has_play and isinstance(joint, SlidingClearance) and joint.fitted is None:
+            across, instead = next(iter(joint.clearance_fields.items()))
+            if not {across, instead} & given(origins, "joints", name):
+                causes.append(f"clearance of {readable(getattr(joint, across), 'm')}")
+    return list(dict.fromkeys(causes))
+
+
 def undecided_at_rest(
     scenario: Scenario, case: str, mechanism: Mechanism, loaded: bool
 ) -> list[str]:
@@ -159,7 +176,7 @@ def undecided_at_rest(
 
     `loaded`: whether it bears loads that its drives do not know.
     """
-    origins, causes = scenario.origins(case), list[str]()
+    origins, causes = scenario.origins(case), assumed_clearances(scenario, case, mechanism)
     for name, joint in mechanism.clearance.items():
         sizes = [key for key in ("bearing_radius", "bearing_length") if hasattr(joint, key)]
         known = given(origins, "joints", name) | ({sizes[0]} if joint.fitted and sizes else set())

@@ -2,7 +2,7 @@
 
 `build` makes the mechanism first (`mechanism_of`), since its joints decide the units of the rest;
 then the motion, completed for joints that it does not name; loads, drives, friction, payloads; and
-notes on what may not be meant.
+notes on input that may be unintended.
 """
 
 from __future__ import annotations
@@ -212,7 +212,7 @@ def friction_of(model: Model, mechanism: Mechanism) -> dict[str, JointFriction] 
 
 
 def loads_of(model: Model, mechanism: Mechanism) -> dict[str, Load]:
-    """Springs, wrenches and other loads, by name; each is tried on the mechanism."""
+    """Springs, wrenches and other loads, by name, each checked against the mechanism."""
     loads: dict[str, Load] = {}
     for name, draft in drafts(model.loads).items():
         joint = draft.fields.get("joint", "")
@@ -420,14 +420,14 @@ def build(
         model: the checked scenario of a case.
         folder: where relative paths begin.
         built: mechanisms that were built before.
-        still: whether the machine stands: then the drives of all joints hold it, also those that no
-            motion leads.
+        still: whether the machine stands still: the drives of all joints then hold it, including
+            joints that the motion does not name.
 
     Returns:
-        The simulation, and lines on what was added, or may not be meant.
+        The simulation, and lines on what was added, or may be unintended.
 
     Raises:
-        JointplayError: something cannot be; `where` has the key.
+        JointplayError: invalid or inconsistent input; `where` has the key.
     """
     mechanism = mechanism_of(model, folder, built)
     start = {

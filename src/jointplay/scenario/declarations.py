@@ -102,7 +102,7 @@ class MotionTable:
 
     file: str | None = None
     """CSV with the header ``time_s,<joint>,...``, in rad and m, or ``time [s],<joint> [deg],...``;
-    or ROS 2 bag (.mcap). The path is given like that of the URDF."""
+    or ROS 2 bag (.mcap). A scenario's path is relative to its file, as the URDF's is."""
     times: list[float] | None = quantity("s", default=None)
     """Times of the waypoints."""
     joints: dict[str, list[float]] | None = quantity(*ANGLE, default=None)

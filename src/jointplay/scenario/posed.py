@@ -10,7 +10,7 @@ from jointplay.accuracy.poses import Poses, poses_of, read_pose, read_poses
 from jointplay.base.errors import JointplayError
 from jointplay.base.origins import Value
 from jointplay.model.mechanism import Mechanism
-from jointplay.scenario.assumptions import notes_at_poses, undecided_at_rest
+from jointplay.scenario.assumptions import assumed, notes_at_poses, undecided_at_rest
 from jointplay.scenario.reading import Scenario, Setting
 from jointplay.scenario.request import Request
 from jointplay.simulation.motion.reference import Motion
@@ -100,8 +100,7 @@ class PosedMachine:
         """
         machine = self.poses.machine
         loaded = bool(machine.payloads or machine.loads) or force
-        causes = undecided_at_rest(self.scenario, self.case, self.mechanism, loaded)
-        return f"; assumed: {', '.join(causes)}" if causes else ""
+        return assumed(undecided_at_rest(self.scenario, self.case, self.mechanism, loaded))
 
     @property
     def mechanism(self) -> Mechanism:

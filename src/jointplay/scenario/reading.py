@@ -1,7 +1,7 @@
 """Reading scenario files: TOML with the line of every error, settings on top, cases merged.
 
-A value of a case counts more than one of the file's own tables, a setting (`Setting`, as by
-``--set KEY=VALUE``) more than both; beneath all lies what the robot's own file says beyond a URDF.
+A value of a case overrides one of the file's own tables, a setting (`Setting`, as by
+``--set KEY=VALUE``) both; all override what the robot's own file says beyond a URDF.
 `Scenario` merges these into a checked `declarations.Model` for each case; `build` makes simulations
 of it.
 """
@@ -386,7 +386,7 @@ class Scenario(Overview):
 
     Attributes:
         path, text: the file.
-        settings: single keys that count more than the file, and more than each of its cases.
+        settings: single keys that override the file and each of its cases.
         title: the scenario's title.
         cases: labels of its cases, in order; a file without cases has one, named like the file.
         figures: whether figures that compare the cases are wanted.
@@ -453,7 +453,7 @@ class Scenario(Overview):
 
         Args:
             path: the file.
-            settings: keys that count more than the file's; see `parse`.
+            settings: keys that override the file's; see `parse`.
 
         Raises:
             JointplayError: the file cannot be read, is no TOML, or says what cannot be. The

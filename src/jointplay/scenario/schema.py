@@ -71,7 +71,7 @@ def explain(keys: Sequence[Sequence[str]]) -> tuple[str, str, str]:
     fields = list(fields_at(Model, keys[0]))
     text = next((text for _, text in fields if text), "")
     text = " ".join(text.split()).replace("`", "").rstrip(".")
-    text = text if re.match(r"[A-Z](\w*'s|[A-Z])", text) else text[:1].lower() + text[1:]
+    text = text if re.match(r"Hertz|[A-Z](\w*'s|[A-Z])", text) else text[:1].lower() + text[1:]
     field = fields[0][0]
     names = [word for each, _ in fields if each.choices for word in each.choices[1]]
     choices = list(dict.fromkeys(names))

@@ -7,7 +7,7 @@
 3. the initial state, loops closed and nothing loaded yet;
 4. the drives along the whole motion as tables;
 5. a Pinocchio model of the run's own, with the armature of prescribed motion;
-6. the arrays that the kernels step, and whether the step follows contacts and loads.
+6. the arrays that the kernels step, and whether the step resolves contacts and loads.
 
 Where the machine then rests is found by `initial.find_rest`.
 """
@@ -154,7 +154,7 @@ def check_memory(mechanism: Mechanism, end: float, steps: int, interval: int, no
         )
 
 
-# Joints as the kernels have them, and whether the step follows their contacts.
+# Joints as the kernels have them, and whether the step resolves their contacts.
 
 MIN_CONTACT_STEPS = 4.0
 """Number of steps in an impact below which the step is refused.
@@ -171,9 +171,10 @@ REST_SPEED = 0.05
 """Speed to which the damping of a resting contact is referred, relative to that of an impact which
 would store the same energy.
 
-Smaller, and explicit steps cannot follow the damper that a resting contact is; larger, and it
-reaches into what moves: the restitution of an impact is left as it is while the mass that it meets
-is below 1/REST_SPEED^2 = 400 times the smallest one of the start (docs/theory.md, section 5).
+If it were smaller, explicit steps could not resolve the damping of a resting contact; if larger,
+it would also damp moving contacts: the restitution of an impact is left as it is while the mass
+that it meets is below 1/REST_SPEED^2 = 400 times the smallest one of the start (docs/theory.md,
+section 5).
 """
 
 
@@ -281,7 +282,7 @@ def check_step(mechanism: Mechanism, mass_of_all: float, step: float | None, q: 
     for name, joint in mechanism.clearance.items():
         if joint.resultant is not None:
             _check_step_follows(mechanism, name, step, q)
-        if joint.law not in resultant.HOLDING:  # in those nothing hits
+        if joint.law not in resultant.HOLDING:  # in those there are no impacts
             impact = f"the contact stiffness at {name!r}: an impact at {REFERENCE_SPEED:g} m/s"
             _check_step_resolves(step, contact_duration(mechanism, name, q), impact)
     for name in mechanism.gears:
@@ -299,8 +300,8 @@ def _check_step_resolves(step: float, duration: float, impact: str) -> None:
 
 
 EXPLICIT_DECAY = 0.2
-"""Largest part of a free journal's speed that a drive's damping takes in an explicit step; beyond
-it is solved implicitly. At it the step is off by 2 % of that speed, 1 - 0.2 for exp(-0.2)."""
+"""Largest part of a free journal's speed that a drive's damping takes in an explicit step; stronger
+damping is solved implicitly. At this limit the step errs by 2 %: 1 - 0.2 instead of exp(-0.2)."""
 LONG_STEP_S = 1e-4
 """Step to which `EXPLICIT_DECAY` is applied where steps are chosen by their error [s]: judged."""
 CHUNK = 2000
@@ -372,7 +373,7 @@ def prepare(simulation: Simulation, in_memory: bool, progress: bool, ahead: bool
     require_inertia(mechanism, start.q)
     if simulation.seed is not None and not simulation.starts_at_rest:
         start.perturb(simulation.seed, at_rest=False, behind=behind_gears(drives))
-    # Tables of the drives, which in memory reach two stretches ahead.
+    # Tables of the drives; those kept in memory reach two stretches ahead.
     loop = time_loop.Adaptive if simulation.tolerance else time_loop.MultiRate
     macro_step = simulation.macro_step or loop.longest_macro_step_s
     ahead_s = 2.0 * (CHUNK * step + macro_step)

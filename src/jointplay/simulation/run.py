@@ -131,7 +131,7 @@ def _refusing_overflow() -> Iterator[None]:
 
 @known_keywords
 class Run:
-    """A simulation under way, at first with its journals where they begin.
+    """A simulation under way, initially at its start state.
 
     Args:
         simulation: the inputs of the run.
@@ -184,13 +184,13 @@ class Run:
         self.judging = Judging(self.mechanism, simulation.step, self.simulation.judged_from)
         self._begun = self._finished = False
         self._complete = True
-        """Whether q and v of the workspace are of one instant: no step since they were made so."""
+        """Whether q and v of the workspace belong to one instant; a step may leave them apart."""
         self._left: tuple[bytes, bytes] | None = None
         """q and v as the run left them, by which changes from outside are noticed."""
         self._elapsed = 0.0
         """Wall time of the stretches that are over [s]."""
         self._since: float | None = None
-        """Clock at which the run would have begun without a break; None between stretches [s]."""
+        """Clock at the start of this stretch, less `_elapsed`; None between stretches [s]."""
         self._origin: tuple[np.ndarray, np.ndarray] | None = None
         """q and v at the start, for other runs from there."""
         self.stop_checks: list[Callable[[], bool]] = []
@@ -267,7 +267,7 @@ class Run:
 
     @property
     def phases(self) -> list[Phase]:
-        """Stretches so far in which the bodies keep their inertias."""
+        """Intervals of constant inertia so far, between payload events."""
         return self._events.phases
 
     def displace(self, distance: Sequence[float]) -> None:
@@ -291,8 +291,8 @@ class Run:
         Args:
             progress: show a bar with simulated time, speed and time left on standard error.
             check_step: where nothing else judges the step, estimate its error by a run with another
-                step (`step_check`), which takes about half of the run's time, in doubt two and a
-                half times as long. A run that was continued is not checked.
+                step (`step_check`), which takes half as long as the run, in doubt two and a half
+                times as long. A continued run is not checked.
             only: histories that are wanted; see `histories.histories`.
 
         Raises:
@@ -424,7 +424,7 @@ class Run:
         return moment
 
     def begin(self) -> None:
-        """Evaluate forces and acceleration of the state, payloads picked at 0 in hand.
+        """Evaluate forces and acceleration of the state, with payloads picked up at time 0 in hand.
 
         Methods that step or look call it themselves: before the first step, and after
         `synchronize`. If nothing has changed since, it does nothing.

@@ -66,7 +66,7 @@ class TrialState:
     def gain(self, trial: TrialState, expected: float) -> float:
         """Fall of the energy to `trial`, relative to the expected one.
 
-        Where the expected fall drowns in rounding: 1 if the gradient is smaller there, else 0.
+        Where the expected fall is below rounding: 1 if the gradient is smaller at `trial`, else 0.
         """
         if expected < _ROUNDING * max(abs(self.energy), expected):
             return float(np.linalg.norm(trial.gradient) < np.linalg.norm(self.gradient))
@@ -459,7 +459,7 @@ class Rest:
     inside: bool
     """Whether no journal has broken out of its bearing, deeper than its `depth_limit`."""
     places: Mapping[str, np.ndarray]
-    """Coordinates of each journal that the search moves alone first, by joint."""
+    """Coordinates of each journal that the search first moves by itself, by joint."""
 
     @property
     def solved(self) -> bool:
@@ -503,7 +503,7 @@ def _least_size(sizes: np.ndarray) -> float:
 
 
 class StaticEquilibrium:
-    """Potential energy of a machine that stands, with its derivatives, and the search for rest.
+    """Potential energy of a machine at rest, with its derivatives, and the search for its minimum.
 
     Args:
         mechanism, drives, friction, loads: what stands, and what acts on it.
@@ -543,7 +543,7 @@ class StaticEquilibrium:
         self._frames = {name: mechanism.frames(name) for name in mechanism.clearance}
         self._signs = {name: mechanism.signs(name) for name in mechanism.clearance}
         # Drives are springs on the coordinates that their encoders see. A motor whose encoder sees
-        # the link trails: it is no unknown of the search, but placed behind its teeth in the end
+        # the link trails: it is no unknown of the search, but is placed behind its teeth at the end
         # (`align_motors`), and its drive acts on the link directly.
         self._stiffness, self._constant = np.zeros(nv), np.zeros(nv)
         """Stiffness of the drives' springs [N m/rad or N/m], and constant efforts [N m or N]."""
@@ -608,7 +608,7 @@ class StaticEquilibrium:
             hold(row, float(stall * row["p_gain"]), float(stall * row["d_gain"] * speed_error(row)))
         for row in rows:
             at = int(row["coordinate"])
-            if at not in followed or row["armature"] > 0.0:  # not led, or prescribed
+            if at not in followed or row["armature"] > 0.0:  # does not follow, or prescribed
                 continue
             torque = float(reference[2 * nu + int(row["column"])] + row["kd"] * speed_error(row))
             if row["kp"] == 0.0:  # the back-EMF of a servo's motor, which may trail
@@ -692,7 +692,8 @@ class StaticEquilibrium:
     def _scales(self) -> tuple[np.ndarray, np.ndarray]:
         """Length along each direction that crosses a clearance, and that clearance [m], (n,) each.
 
-        Clearances of one mechanism may differ by orders of magnitude, as of a journal and springs.
+        Clearances of one mechanism may differ by orders of magnitude, such as a journal's and the
+        deflection of springs.
         """
         joints = self._mechanism.clearance
         pin.computeJointJacobians(self._model, self._data, self._start)
@@ -837,8 +838,8 @@ class StaticEquilibrium:
         Args:
             near: a configuration (nq,) near the equilibrium. All joints are searched together from
                 there first, and joint by joint only if that does not balance them.
-            places: resting places of journals in another search (`Rest.places`), of joints that
-                bear about the same; these are not searched alone.
+            places: resting places of journals from another search (`Rest.places`), for joints
+                under about the same load; these are not searched alone.
         """
         places = places or {}
         self.refresh(self._start)

@@ -2,7 +2,7 @@
 
 After every run two further runs are made, whose adaptive steps are controlled by their own error; a
 third follows where these two leave a figure open, and for a strict certificate. The error of a
-figure is what it changes to the finest run, widened by how far the further runs scatter
+figure is its difference from the finest run, plus a margin for the scatter of the further runs
 (`numerical_error`). docs/certificates.md says how often the stated errors cover the true ones.
 """
 
@@ -89,11 +89,11 @@ RELATIVE = (4.0, 0.6, 0.25)
 """Tolerances of the further runs, relative to that of the run, where it has one."""
 
 ASIDE_M = ((1e-7, -1e-7, 1e-7), (-1e-7, 1e-7, -1e-7), (0.0, 0.0, 0.0))
-"""Displacement of journals at the start of these runs [m]; none in the finest, for what another
-start changes could cancel what shorter steps do.
+"""Displacement of journals at the start of these runs [m]; none in the finest, where the effect of
+another start could cancel that of shorter steps.
 
-A nanometre would not show every chaos: stick-slip depends on switches that it need not reach, and
-that are reached with one step and not with another.
+A nanometre would not show every chaos: stick-slip depends on switches that so small a change may
+miss, and that are reached with one step and not with another.
 """
 
 
@@ -108,7 +108,7 @@ def certify(
     strict: bool = True,
     jobs: int | None = 1,
 ) -> Certificate:
-    """State the numerical error of every headline figure, from three further runs.
+    """State the numerical error of every headline figure, from two or three further runs.
 
     Their steps adapt to their own error, and journals start displaced: see `TOLERANCES`, `ASIDE_M`.
 
@@ -119,7 +119,8 @@ def certify(
         name: name of the run, shown by the bar.
         claims: also certify the measures of the paper's claims, for a run with one joint with
             clearance of which more is judged than not.
-        strict: make all three further runs; False: two, and a third in doubt, as after every run.
+        strict: make all three further runs; False: two, and a third only if they leave a figure
+            open, as after every run.
         jobs: processes for these runs; None takes one for each core.
 
     Raises:
@@ -208,7 +209,7 @@ def certify(
 
 
 def number_of_runs(simulation: Simulation) -> int:
-    """Largest number of runs that `certify` makes, with those of the ideal mechanism."""
+    """Most further runs that `certify` makes, including those of the ideal mechanism."""
     mechanism = simulation.mechanism
     return len(TOLERANCES) + 2 * bool(mechanism.clearance or mechanism.gears)
 

@@ -1,9 +1,9 @@
 """Hunting: does a position servo with play in its gear oscillate at rest?
 
 Joints are released from several starts beside their goal (`released`), with play and without, and
-what they do in the end is judged (`swings`): limit cycle, rest, or unclear. For servos a harmonic
-balance predicts the limit cycle beside that, with the describing function of the play, the first
-harmonic of what a gap makes of a sine; it is derived here, and tested by integration.
+their final motion is classified (`swings`): limit cycle, rest, or unclear. For servos a harmonic
+balance also predicts the limit cycle, by the describing function of the play: the first harmonic of
+a gap's response to a sine, derived here and tested by integration.
 """
 
 from __future__ import annotations
@@ -447,7 +447,7 @@ def sentence(answers: Sequence[Hunting]) -> str:
             swing, unit = answer.swing, "mm" if answer.axis.slides else "mrad"
             remark = "; without play as well: gains, not play" if answer.control.hunts else ""
             motion = f"+-{1e3 * swing.amplitude:.3g} {unit} at {swing.frequency:.3g} Hz"
-            motion = "without bounds" if swing == DIVERGES else motion
+            motion = "grows without bound" if swing == DIVERGES else motion
             phrases.append(f"{answer.axis.joint} {motion}{remark}")
     slow = [answer.axis.joint for answer in answers if answer.verdict == "unclear"]
     unclear = f"; unclear for {few(slow)}: try a longer --time" if slow else ""

@@ -20,8 +20,8 @@ GROUPS = {
     "decide": ("budget", "allocate", "compensate"),
     "measure": ("identify", "calibrate"),
     "look": ("play", "live", "report", "compare", "plot"),
-    "hand on": ("export",),
-    "know": ("robots",),
+    "export": ("export",),
+    "look up": ("robots",),
     "the paper": ("scara",),
 }
 """Commands by purpose, in the order of the help; each is a module."""

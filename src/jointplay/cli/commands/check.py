@@ -46,7 +46,7 @@ def declare(parser: Parser) -> None:
     picture("--picture", metavar="PNG", help="picture of the mechanism (default: beside FILE, as "
         ".png)")
     picture("--no-picture", **FLAG, help="do not draw a picture")
-    add("--write", metavar="URDF", help="write a robot, named alone, with the corrections; xacro "
+    add("--write", metavar="URDF", help="write the corrected robot; not that of a scenario; xacro "
         "and MJCF become a URDF; nothing is overwritten")
     parser.share("--json")
 # fmt: on

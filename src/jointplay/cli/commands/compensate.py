@@ -28,8 +28,8 @@ def declare(parser: Parser) -> None:
         'friction 50 %, payload 20 %, stiffness 30 %", or "identified, payload 20 %" with the '
         "intervals of --preset FILE (default: those, if it has any, or exact): both motions are "
         "run at the corners of that")
-    add("--approach", **FLAG, help="where friction leaves open on which side teeth rest at a stop, "
-        "reach it from one side: the tool arrives aside, and the joint creeps while it stands")
+    add("--approach", **FLAG, help="reach stops from one side where friction leaves open on which "
+        "side teeth rest: the tool arrives aside, and the joint creeps while it stands")
     add("--tool-size", **LENGTH, help="size of the tool or its load: weighs the tool's rotation "
         "against its position (default: position first, rotation as far as that leaves joints "
         "free)")
@@ -57,7 +57,7 @@ def run(options: argparse.Namespace) -> int:
     measured = preset is not None and bool(preset.intervals)
     trust = trust_of(options.trust or (IDENTIFIED if measured else EXACT), preset)
     require_whole("--passes", options.passes, 0)
-    simulation = simulation_of(options, compensable)
+    simulation, assumed = simulation_of(options, compensable)
     out.claim()
     streams.release()
     progress = not options.quiet
@@ -73,7 +73,7 @@ def run(options: argparse.Namespace) -> int:
     judged = judge(compensation, trust, jobs=options.jobs, progress=progress)
     body = f"{compensation.table()}\n{judged.table()}" if options.detail else judged.table()
     notes += [*judged.notes, *compensation.notes, *lost]
-    print_answer(judged.sentence, body, notes, options, more=True)
+    print_answer(judged.sentence + assumed, body, notes, options, more=True)
     if judged.worse and not options.write_anyway:
         where = judged.worse[0].label
         message = f"nothing written: it makes the error larger ({where}); see --write-anyway"

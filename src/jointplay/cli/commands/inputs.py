@@ -57,15 +57,15 @@ OPTIONS: dict[str, dict[str, dict[str, Any]]] = {
     },
     "joints with clearance": {
         "--joint": dict(**REPEATED, metavar="NAME[=LENGTH|=FIT|=BEARING]", help="joint with "
-            "clearance, optionally with its radial clearance, its fit by ISO 286-1, such as "
-            'elbow="20H7/g6", or the designation of its rolling bearing, such as elbow="6010/C3"; '
-            "the options of this group, of contacts and of impacts apply to these joints"),
-        "--clearance": dict(metavar="VALUE", type=number, help="radial clearance of these "
-            "joints, or of all that move the tool; of sliders, that on each side [m]"),
+            "clearance, optionally its radial clearance, ISO 286 fit or rolling bearing, such as "
+            'elbow="0.1 mm", elbow="20H7/g6" or elbow="6010/C3"; the options of this group, of '
+            "contacts and of impacts apply to these joints"),
+        "--clearance": dict(metavar="VALUE", type=number, help="radial clearance of the "
+            "joints of --joint, or of all that move the tool; of sliders, that on each side [m]"),
         "--ideal": dict(**FLAG, help="the robot without clearance and without play in gears"),
         "--preset": dict(nargs="?", const="", metavar="NAME", help="joints, gears and drives as "
-            "they are publicly known, or assumed for a class of robots (jointplay robots --presets "
-            "lists them; without NAME that of ROBOT); other options override it"),
+            "publicly known of a robot, or assumed for a class of robots (jointplay robots "
+            "--presets lists them; without NAME that of ROBOT); other options override it"),
     },
     "gears": {
         "--gear": dict(**REPEATED, metavar="JOINT=PLAY", help="total play of a joint's gear or "
@@ -77,7 +77,7 @@ OPTIONS: dict[str, dict[str, dict[str, Any]]] = {
             "viscous [N m s/rad or N s/m] friction (default: from the URDF)"),
         "--payload": dict(**MASS, help="mass held at the tool"),
         "--registers": dict(metavar="P=N,...", help="gains of servos as their registers have "
-            "them, such as P=16,D=32,I=0 of LeRobot, or elbow_flex:P=16 of one joint (repeatable); "
+            "them, such as P=16,D=32,I=0 of LeRobot, or elbow_flex:P=16 of one joint; "
             "docs/drives.md has the units", **REPEATED),
     },
     "poses": {
@@ -177,11 +177,6 @@ class Flag:
     def attribute(self) -> str:
         return self.name.removeprefix("--").replace("-", "_")
 
-    @property
-    def read(self) -> Callable[[str], Any]:
-        """Converts the option's text to a value of the scenario."""
-        return READERS.get(self.attribute, number)
-
 
 FLAGS = tuple(
     Flag(name, tuple(tuple(key.split(".")) for key in keys.split()))
@@ -205,7 +200,8 @@ def declare(parser: Parser, *groups: str, required: bool = False) -> None:
         section = parser.add_argument_group(title) if title and wanted else parser
         for name, declared in wanted.items():
             if name in flags:
-                declared = {"type": flags[name].read, "metavar": "VALUE"}
+                reader = READERS.get(flags[name].attribute, number)
+                declared = {"type": reader, "metavar": "VALUE"}
             action = section.add_argument(name, **declared)
             if name in flags:
                 # Only the help needs explanations, which load the scenario's tables.
@@ -365,25 +361,26 @@ def whole_errors(options: argparse.Namespace, scenario: Scenario) -> dict[str, A
 
 def simulation_of(
     options: argparse.Namespace, refuse: Callable[[Simulation], object] = lambda _: None
-) -> Simulation:
-    """The single simulation that the options describe; its notes are printed.
+) -> tuple[Simulation, str]:
+    """The single simulation that the options describe, and a clause on clearances that nobody gave;
+    its notes are printed.
 
     Raises:
         JointplayError: several cases, or what `jointplay run` or `refuse` would refuse.
     """
-    from jointplay.scenario.assumptions import decisive
+    from jointplay.scenario.assumptions import assumed, assumed_clearances, decisive
 
     scenario = scenario_of(options)
+    case = options.case or scenario.cases[0]
     simulation = scenario.simulation(options.case)
     scenario.ready_run(options.case)  # refuses what cannot run, with the line in the file
     refuse(simulation)
-    lines = decisive(scenario, {options.case or scenario.cases[0]: simulation})
+    lines = decisive(scenario, {case: simulation})
     for line in commands.first_notes(lines, getattr(options, "detail", True)):
         streams.note(line)
     time = simulation.duration or (simulation.motion and simulation.motion.duration)
-    moves = simulation.motion is not None
-    streams.note(f"one cycle: {time:g} s simulated" if moves else "no motion")
-    return simulation
+    streams.note(f"one cycle: {time:g} s simulated" if simulation.motion else "no motion")
+    return simulation, assumed(assumed_clearances(scenario, case, simulation.mechanism))
 
 
 def named_joints(options: argparse.Namespace) -> dict[str, str | None]:

@@ -37,8 +37,8 @@ def declare(parser: Parser) -> None:
     add = parser.add_argument
     add("--out", metavar="DIR", required=True, help="folder for the results")
     add("--case", metavar="NAME", **REPEATED, help="run only this case of FILE")
-    add("--beside", metavar="FILE", help="the motion as it was meant, where a corrected one is "
-        "run: the tool's error is its distance from the ideal mechanism's tool on this motion")
+    add("--beside", metavar="FILE", help="the intended motion, where --motion is a corrected "
+        "one: the tool's error is its distance from the ideal mechanism's tool on this motion")
     add = parser.add_argument_group("integration and output").add_argument
     add("--certify", **FLAG, help="repeat the run with finer steps to give the headline figures "
         "numerical error bounds; takes about two and a half times as long")

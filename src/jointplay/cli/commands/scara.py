@@ -27,7 +27,7 @@ def declare(parser: Parser) -> None:
     add("--inertia", choices=("consistent", "as-printed"), default="consistent", help="inertias in "
         "the three cases: consistent, or as-printed, which no rigid body can have")
     add("--integrator", choices=("multi-rate", "semi-implicit-euler", "rk4"), default="multi-rate",
-        help="for all runs; semi-implicit-euler is explicit, with the paper's fixed step of 10 us")
+        help="method of all runs; semi-implicit-euler: explicit, with the paper's step of 10 us")
     add("--runs", metavar="N", type=int, default=8, help="perturbed runs for each clearance and "
         "condition; 0 skips the claims")
     parser.share("--pdf", "--jobs", "--quiet")

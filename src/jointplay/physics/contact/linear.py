@@ -108,8 +108,8 @@ class Anagnostopoulos(NormalForceLaw):
     )
 
     mass: OptionalQuantity = quantity("kg", default=None, above=0.0)
-    """Effective mass m of the impact [kg], m_1 m_2/(m_1 + m_2) for two free bodies; required.
-    `jointplay.model.impact.effective_mass` computes it for a mechanism.
+    """Effective mass m of the impact [kg], m_1 m_2/(m_1 + m_2) for two free bodies. The law
+    anagnostopoulos needs it; `jointplay.model.impact.effective_mass` computes it for a mechanism.
     """
     stiffness: OptionalQuantity = quantity("N/m", default=None, above=0.0)
     """Stiffness k [N/m]; None derives it from the joint's Hertz stiffness (`linear_stiffness`)."""

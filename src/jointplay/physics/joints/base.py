@@ -563,7 +563,7 @@ class SlidingClearance(Clearance):
     normal: NormalForceLaw = field(default_factory=LankaraniNikravesh)
     friction: FrictionLaw = field(default_factory=Ambrosio)
     stiffness: OptionalQuantity = quantity("N/m^1.5", default=None, above=0.0)
-    """Hertz stiffness [N/m^1.5]; None derives it from geometry and materials. A linear law that has
+    """Hertz stiffness [N/m^1.5]; if not given, from geometry and materials. A linear law that has
     its own stiffness does not use it.
     """
     seat: Elasticity | None = None

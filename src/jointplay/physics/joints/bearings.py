@@ -52,8 +52,8 @@ bearings (0.291 to 0.298)."""
 FILLING = 0.58
 """Part of the pitch circle that balls fill, of the same seven bearings (0.56 to 0.60)."""
 ANGULAR_FILLING = 0.85
-"""Part of the pitch circle that balls fill in angular contact bearings with machined cages, from
-memory of a 7206's 13 balls."""
+"""Part of the pitch circle that balls fill in angular contact bearings with machined cages: that of
+a 7206 with 13 balls (unverified recollection; no source at hand)."""
 STATIC_FACTOR = 15.0
 """f_0 of the static rating C_0 = f_0 Z D^2 [N/mm^2]; of the same seven bearings 13 to 16."""
 ROLLER_FILLING, ROLLER_LENGTH, ROLLER_STATIC = 0.75, 0.9, 44.0
@@ -61,11 +61,13 @@ ROLLER_FILLING, ROLLER_LENGTH, ROLLER_STATIC = 0.75, 0.9, 44.0
 EXPANSION = 0.012e-3
 """Loss of clearance per temperature difference and mean diameter [1/K] (SKF's text)."""
 MEAN_DRAG = 1.7 * 160e-7
-"""f_0 of grease times 160e-7: M_0 = f_0 160e-7 d_m^3 [N mm/mm^3], Palmgren's, from memory."""
+"""f_0 of grease times 160e-7: M_0 = f_0 160e-7 d_m^3 [N mm/mm^3], Palmgren's
+(unverified recollection; no source at hand)."""
 BALL_FRICTION, ROLLER_FRICTION = 0.0015, 0.003
-"""Friction torque over load and half of the bore, from memory of makers' tables."""
+"""Friction torque over load and half of the bore, as in makers' tables (unverified recollection;
+no source at hand)."""
 STIFFNESS_DAMPING_S = 1e-5
-"""Damping over stiffness of a rolling contact [s], from memory."""
+"""Damping over stiffness of a rolling contact [s] (unverified recollection; no source at hand)."""
 _element_play = lru_cache(maxsize=64)(ElementPlay)
 """The play of equal bearings, which share one object and its cached results."""
 
@@ -617,9 +619,9 @@ class RollingBearing(WholeLawJoint):
     ) -> tuple[np.ndarray, np.ndarray]:
         """Displacements of the inner ring under many loads, and whether it is held.
 
-        Loads are forces and moments (n, 6) [N, N m], of which that about the axis is ignored;
-        `cage` is one azimuth or (n,) [rad]. Returns displacements as `deflection`, (n, 6) [m, rad],
-        and whether the ring is free in no direction, (n,).
+        Loads are forces and moments (n, 6) [N, N m], of which the moment about the axis is
+        ignored; `cage` is one azimuth or (n,) [rad]. Returns displacements like `deflection`'s,
+        (n, 6) [m, rad], and whether the ring is held in every direction, (n,).
 
         Raises:
             JointplayError: no equilibrium.
@@ -913,10 +915,12 @@ class RollingBearing(WholeLawJoint):
 
 
 _BY_LOAD = np.array([1.0, 1.0, 1.0, 1.0, -1.0])[:, None] * np.eye(5)[[0, 1, 2, 4, 3]]
-"""Maps a force and a moment about x and y to the load on xi of `contact.rolling`, whose last two
-components are those of the axis, by its rotation about y and -x."""
+"""Maps a force and a moment about x and y to the load on xi of `contact.rolling`.
+
+The last two components of xi are the x and y components of the axis's direction, which a rotation
+about y and -x changes."""
 _LOOSEST, _ROOM = 1e-3, 0.9
-"""Largest clearance of rollers [m]; of balls, relative to the one that leaves no contact angle."""
+"""Largest clearance: of rollers [m]; of balls, relative to that without a contact angle."""
 _MOST_ROUNDS, _SAME_LEAN = 60, 1e-14
 """Most rounds in which the outer ring's lean in its seat is found; change of the lean at the end.
 """

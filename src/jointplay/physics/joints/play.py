@@ -22,15 +22,17 @@ from jointplay.physics.geometry import EDGE_ROUNDING_M
 if TYPE_CHECKING:
     from jointplay.physics.joints.base import Outline
 
-_SEARCHES, _EXACT, _ROUNDING = 60, 1e-8, 1e-12
-"""Of the search for the rims' distance, relative to the bore's radius: most Newton steps; length of
-the last step, whose square is the error that remains; distance from the upper end where it starts.
-"""
+_SEARCHES = 60
+"""Most Newton steps of the search for the rims' distance."""
+_EXACT = 1e-8
+"""Length of its last step, relative to the bore's radius; the error that remains is its square."""
+_ROUNDING = 1e-12
+"""Distance from the upper end at which it starts, relative to the bore's radius."""
 _NOTHING = 1e-9
 """Part of a load, or of a clearance, that is rounding."""
 _TOUCHES = 1.0 - 1e-6
-"""Part of its clearance from which on a journal touches: the support function's point is exact but
-for rounding, and margins of 1e-10 to 1e-5 give the same contacts for 30,000 loads."""
+"""Part of its clearance beyond which a journal counts as touching: the support function's point is
+exact up to rounding, and margins of 1e-10 to 1e-5 give the same contacts for 30,000 loads."""
 DRAWS = 4000
 """States drawn for the covariance of a play."""
 FAR = 100.0
@@ -103,7 +105,7 @@ class Play(ABC):
     """The set of small displacements that a joint's play allows; it contains zero."""
 
     excess: float = 0.0
-    """Relative excess of the set over the true one, the second order of the play."""
+    """Relative excess of the set over the true one, which is of second order in the play."""
 
     @abstractmethod
     def support(self, loads: np.ndarray) -> Support:

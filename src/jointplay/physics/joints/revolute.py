@@ -45,14 +45,14 @@ class RevoluteClearance(base.RoundClearance):
     bearing_length: Quantity = quantity("m", default=40e-3, above=0.0, label="bearing length")
     """Bearing length L_i between the end walls [m]."""
     axial_clearance: OptionalQuantity = quantity("m", default=None, label="axial clearance")
-    """Axial clearance C_a on each side [m]; None takes C_r unless `journal_length` is given; 0 is
-    `lock_axial`."""
+    """Axial clearance C_a on each side [m]; if neither it nor the journal length is given, C_r;
+    0 is `lock_axial`."""
     journal_length: OptionalQuantity = quantity("m", default=None, label="journal length")
     """Journal length L_j [m]."""
     axial_stiffness: OptionalQuantity = quantity(
         "N/m^1.5", default=None, above=0.0, label="axial stiffness"
     )
-    """Hertz stiffness of the axial contacts [N/m^1.5]; None takes the radial one."""
+    """Hertz stiffness of the axial contacts [N/m^1.5]; if not given, the radial one."""
     lock_tilt: bool = False
     """The axes stay parallel: one radial contact along the whole journal, axial contact of faces.
     """

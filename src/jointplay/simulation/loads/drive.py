@@ -145,8 +145,8 @@ class ComputedTorque(Drive):
     follows: ClassVar[bool] = True
 
     bandwidth: OptionalQuantity = quantity("rad/s", default=None, above=0.0)
-    """Closed-loop natural frequency of each axis [rad/s]; None: `BANDWIDTH`, or less where its
-    encoder sits behind a gear (`through_teeth`)."""
+    """Closed-loop natural frequency of each axis [rad/s]; if not given, 100 rad/s, or less
+    where the encoder sits behind a gear."""
     damping_ratio: Quantity = quantity("", default=1.0, least=0.0, label="damping ratio")
     """Damping ratio of each axis."""
     encoder: str = choice("encoder", ENCODERS, default=ENCODERS[0])

@@ -149,6 +149,8 @@ class Audit(Described):
     def warnings(self) -> list[str]:
         """Warnings for the user, each with its remedy."""
         worries = []
+        if self.start != "rest" and self.start_residual is not None:
+            worries.append(f"the run starts centred, and falls into contact: {self._not_at_rest}")
         if not self.relative_energy_residual <= ENERGY_WARNING:
             worries.append(
                 f"the energy balance is off by {100 * self.relative_energy_residual:.2g} % of the "
@@ -207,18 +209,27 @@ class Audit(Described):
             )
         return worries + list(self.law_warnings) + list(self.limit_warnings)
 
+    @property
+    def _residual(self) -> str:
+        load = alone(self.start_load or 0.0)
+        return f"(residual force {self.start_residual:.1g} N of {load} N)"
+
+    @property
+    def _not_at_rest(self) -> str:
+        """Why a run that should start at rest does not."""
+        if self.start_residual == math.inf:
+            return "the search for an equilibrium diverged"
+        return f"no equilibrium was found {self._residual}"
+
     def headline_with(self, certificate: Certificate | None) -> str:
         """How the run began, its largest force, and from when on that is judged, in a line.
 
         The force has its numerical error if a certificate has it.
         """
         began = f"starts {'at rest' if self.start == 'rest' else 'centred'}"
-        if self.start_residual == math.inf:
-            began += ", because the search for an equilibrium diverged"
-        elif self.start_residual is not None:
-            reason = "" if self.start == "rest" else ", because no equilibrium was found"
-            load = alone(self.start_load or 0.0)
-            began += f"{reason} (residual force {self.start_residual:.1g} N of {load} N)"
+        if self.start_residual is not None:
+            balanced = self.start == "rest"
+            began += f" {self._residual}" if balanced else f", because {self._not_at_rest}"
         if self.peak_force is None:
             return began
         known = certificate.headline if certificate else ()

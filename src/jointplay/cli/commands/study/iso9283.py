@@ -57,7 +57,7 @@ def run(options: argparse.Namespace) -> int:
     check_numbers(counts.runs, options.jobs)
     for percent in names:
         require_positive("--speed", percent, "%")
-    simulation, poses = _in_cube(options, simulation_of(options))
+    simulation, poses = _in_cube(options, simulation_of(options)[0])
     for percent in names:
         check(simulation, percent / 100.0)
     folder = out.claim()

@@ -41,7 +41,7 @@ def run(options: argparse.Namespace) -> int:
 
     if options.out:
         files.check_new(options.out)
-    simulation = simulation_of(options)
+    simulation, _ = simulation_of(options)
     life = wear(
         simulation,
         options.joint,
