@@ -34,7 +34,8 @@ from jointplay.model.elements import (
 from jointplay.model.inertias import tensor_of
 from jointplay.model.loop import Loop
 from jointplay.model.urdf import Description, read_again
-from jointplay.physics.joints import Clearance, CompliantMount, Elasticity
+from jointplay.physics.joints import Clearance
+from jointplay.physics.joints.compliance import hinge_of_beam
 
 HINGE, TIP = "_hinge_", "_tip"
 """Appended to a link's name: its hinges, with a number behind, and the frame at its end."""
@@ -251,8 +252,7 @@ def _hinge(flexible: FlexibleLink, stretch: float, length: float) -> Clearance:
     locked = ("z",) if flexible.shear else ("x", "y", "z")
     locked = locked if flexible.torsion else (*locked, "yaw")
     damping_time = flexible.damping_time(length)
-    springs = Elasticity(matrix=np.diag(stiffness).tolist(), damping_time=damping_time)
-    return CompliantMount(elasticity=springs, locked=locked)
+    return hinge_of_beam(stiffness, damping_time, locked)
 
 
 def _moved(

@@ -206,6 +206,19 @@ class CompliantMount(_Held):
         return self.outline.size[0] ** 2 / float(np.diag(self.elasticity.stiffness)[3:5].max())
 
 
+def hinge_of_beam(
+    stiffness: np.ndarray, damping_time: float, locked: tuple[str, ...]
+) -> CompliantMount:
+    """The mount that holds two pieces of a flexible link together, z along the beam.
+
+    Args:
+        stiffness: along x, y, z [N/m] and about them [N m/rad], shape (6,).
+        damping_time: damping over stiffness [s].
+    """
+    springs = Elasticity(matrix=np.diag(stiffness).tolist(), damping_time=damping_time)
+    return CompliantMount(elasticity=springs, locked=locked)
+
+
 # The bush of a joint in a seat is a body of its own. A contact needs a body to push against: unlike
 # the rings of rolling bearings, surfaces in the time loop cannot belong to a massless body.
 
