@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import nullcontext
 from dataclasses import replace
 from functools import partial
@@ -49,27 +49,22 @@ def _with_start(panels: Iterable[Panel], cases: Cases) -> tuple[list[Panel], str
 def tool_panels(cases: Cases, of: str) -> list[Panel]:
     """Tool position or velocity over time, a panel for each moving axis, with all cases in each."""
     name = "displacement" if of == "tool_position" else "velocity"
-    return [_over(cases, name, axis) for axis in moving_axes(cases)]
+    return [_over(coloured(cases), name, axis) for axis in moving_axes(cases)]
 
 
-def _over(cases: Cases, name: str, *asked: Any) -> Panel:
-    """The result plot `name` of all cases in one panel, each in its colour."""
+def _over(runs: Iterable[tuple[str, Result, str]], name: str, *asked: Any, **options: Any) -> Panel:
+    """The result plot `name` of all runs in one panel, each under its label and in its colour."""
     return overlaid(
-        result.plot.panel(name, *asked).styled(colour=colour, name=label)
-        for label, result, colour in coloured(cases)
+        result.plot.panel(name, *asked, **options).styled(colour=colour, name=label)
+        for label, result, colour in runs
     )
 
 
 def difference_panels(cases: Cases, of: str) -> list[Panel]:
     """The tool's difference from the ideal mechanism over time, a panel for each moving axis."""
     drawn = [item for item in coloured(cases) if analysis.has_tool_error(item[1])]
-    return [
-        overlaid(
-            result.plot.panel("deviation", axis, of=of).styled(colour=tone, name=label)
-            for label, result, tone in drawn
-        ).renamed(f"{axis} - ideal")
-        for axis in (moving_axes(cases) if drawn else ())
-    ]
+    axes = moving_axes(cases) if drawn else ()
+    return [_over(drawn, "deviation", axis, of=of).renamed(f"{axis} - ideal") for axis in axes]
 
 
 def _tool_history(cases: Cases, of: str) -> Chart:
@@ -103,7 +98,7 @@ def is_straight(cases: Cases) -> bool:
 
 def path_panel(cases: Cases) -> Panel:
     """Paths of the tool in the plane that `plane_of` chooses."""
-    return _over(cases, "path", plane_of(cases))
+    return _over(coloured(cases), "path", plane_of(cases))
 
 
 def tool_path(cases: Cases) -> Chart:
@@ -354,29 +349,24 @@ def overview(cases: Cases) -> Chart:
         for moment in (0, int(np.abs(first["v"].values).sum(axis=1).argmax()), len(first.time) // 2)
         for line in _skeleton(mechanism, first["q"].values[moment])
     ]
-    plan = overlaid(
-        result.plot.panel("path", plane).styled(
-            colour=tone, width=1.0, name=label if has_play(result) and not single else ""
-        )
+    paths = [
+        (label if has_play(result) and not single else "", result, tone)
         for label, result, tone in runs
-    )
+    ]
+    plan = _over(paths, "path", plane).styled(width=1.0)
     plan = replace(plan, marks=[*bones, *plan.marks], title=f"{plane} plane, with the tool's path")
     error: Panel | None = None
     until = max(float(result.time[-1]) for result in cases.values())
-    with_error = [item for item in runs[::-1] if analysis.has_tool_error(item[1])]
+    nameless = [("", result, tone) for _, result, tone in runs[::-1]]  # the paths have the names
+    with_error = [item for item in nameless if analysis.has_tool_error(item[1])]
     if with_error:
         angle = all(result.tool_error.is_angle for _, result, _ in with_error)
         of, name = ("tool_orientation", "turn") if angle else ("tool_position", "error")
-        error = overlaid(
-            result.plot.panel("deviation", "total", of=of).styled(colour=tone)
-            for _, result, tone in with_error
-        ).renamed(f"tool {name}")
+        error = _over(with_error, "deviation", "total", of=of).renamed(f"tool {name}")
         error = replace(error, title=f"{error.y.name} against the ideal mechanism")
         error = _with_peak(error, max(result.judge_from for _, result, _ in with_error), until)
     elif with_contacts:
-        error = overlaid(
-            result.plot.panel("tilt").styled(colour=tone) for _, result, tone in with_contacts
-        )
+        error = _over([item for item in nameless if item[1].joints], "tilt")
         error = replace(error, title=f"tilt of the journal, {with_contacts[0][1].joints[0]}")
     around: dict[str, Any] = {"key": _LEGEND_COLUMNS, "wide": (1.5, 1.0)}
     if not with_contacts:
@@ -427,23 +417,12 @@ _NEEDS: dict[str, Callable[[Cases], Any]] = {
     "journal_orbit": joints_of,
     "overview": lambda cases: any(map(has_play, cases.values())),
     "tool_path": lambda cases: not is_straight(cases),
-    "force_x": lambda cases: "x" in loaded_axes(cases),
-    "force_y": lambda cases: "y" in loaded_axes(cases),
-    "force_z": lambda cases: "z" in loaded_axes(cases),
+    **{f"force_{axis}": lambda cases, axis=axis: axis in loaded_axes(cases) for axis in AXES},
     "bearing_loads": lambda cases: any(
         analysis.rolls(result, joint) for result in cases.values() for joint in result.joints
     ),
 }
 """Conditions for drawing a figure; figures without one are always drawn."""
-
-
-def _charts(cases: Cases, short: bool = False) -> Iterator[tuple[str, Chart]]:
-    """Names and charts of the figures for which the cases have data, or of `SHORT` among them."""
-    names = [name for name in CHARTS if name not in _NEEDS or _NEEDS[name](cases)]
-    if short and "overview" in names:
-        names = [name for name in names if name in SHORT]
-    for name in names:
-        yield name, CHARTS[name](cases)
 
 
 def save(
@@ -469,7 +448,10 @@ def save(
     Raises:
         JointplayError: a file that is not such a figure has its name, or one cannot be written.
     """
-    charts, written = list(_charts(cases, short)), []
+    names = [name for name in CHARTS if name not in _NEEDS or _NEEDS[name](cases)]
+    if short and "overview" in names:
+        names = [name for name in names if name in SHORT]
+    charts, written = [(name, CHARTS[name](cases)) for name in names], []
     urdfs = (analysis.inputs(result)["mechanism"]["urdf"] for result in cases.values())
     paper = all(map(is_paper_robot, urdfs))
     # A second process draws half of them; it costs as much time as one figure.
