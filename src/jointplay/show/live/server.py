@@ -77,16 +77,6 @@ def frame(head: Mapping[str, Any], block: bytes = b"") -> bytes:
     return struct.pack("<II", len(text), len(block)) + text + block
 
 
-def values_of(asked: Any) -> dict[str, float]:
-    """The values by control in a page's question; JointplayError if it has none."""
-    values = asked.get("values") if isinstance(asked, dict) else None
-    if not isinstance(values, dict) or not all(
-        isinstance(value, int | float) and not isinstance(value, bool) for value in values.values()
-    ):
-        raise JointplayError("a question has values, numbers by control")
-    return {name: require_finite(name, value, "") for name, value in values.items()}
-
-
 class Routes:
     """The page's questions, and the functions that answer them."""
 
@@ -105,7 +95,10 @@ class Routes:
             asked = json.loads(body)
         except (ValueError, RecursionError) as error:
             raise JointplayError(f"the question cannot be read: {error}") from None
-        values = values_of(asked)
+        values = asked.get("values") if isinstance(asked, dict) else None
+        if not isinstance(values, dict):
+            raise JointplayError("a question has values, numbers by control")
+        values = {name: require_finite(name, value, "") for name, value in values.items()}
         page, number = asked.get("page", ""), asked.get("number", 0)
         if not isinstance(page, str) or not isinstance(number, int):
             raise JointplayError("a question's page is text, and its number a whole one")

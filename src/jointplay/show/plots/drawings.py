@@ -69,12 +69,7 @@ def _form(panel: Axes, form: Form) -> None:
     walls = (left - gap["axial_B"], right + gap["axial_A"], bottom - lower, top + upper)
     _bearing(panel, *walls)
     _journal(panel, corners)
-    hit = {
-        "radial_A": corners[0],
-        "radial_B": corners[2],
-        "axial_A": corners[3],
-        "axial_B": corners[1],
-    }
+    hit = dict(zip(_SIDES, corners[[0, 2, 3, 1]], strict=True))
     look: dict[str, Any] = {"color": VERMILION, "zorder": 4.0, "clip_on": False}
     if line:
         if "radial_A" in touching:

@@ -16,7 +16,7 @@ import pinocchio as pin
 from jointplay.base import files
 from jointplay.base.processes import in_parallel
 from jointplay.model.mechanism import Mechanism
-from jointplay.show.plots.chart import Axis, Chart, Curve, Label, Panel, Rule, overlaid
+from jointplay.show.plots.chart import Axis, Chart, Curve, Label, Panel, Rule, in_rows, overlaid
 from jointplay.show.plots.draw import draw
 from jointplay.show.plots.names import MARK, PAPER, SHORT, is_paper_robot, kinds
 from jointplay.show.plots.palette import GREY, VERMILION, Cases, colours, many, reference
@@ -177,15 +177,10 @@ def journal_orbit(cases: Cases) -> Chart:
     columns = min(max(len(result.joints) and len(cases) for result in cases.values()), _ORBITS)
     columns = max(1, min(columns, len(shown)))
     any_rims = any(rims is not None for _, rims in shown)
-    rows: list[list[Panel | None]] = []
-    for first in range(0, len(shown), columns):
-        line = shown[first : first + columns]
-        blank = [None] * (columns - len(line))
-        if any_rims:
-            rows.append([*(rims for _, rims in line), *blank])
-        rows.append([*(orbit for orbit, _ in line), *blank])
-    note = ""
+    rows, note = in_rows([orbit for orbit, _ in shown], columns), ""
     if any_rims:
+        above = in_rows([rims for _, rims in shown], columns)
+        rows = [row for both in zip(above, rows, strict=True) for row in both]
         ideal = "; the ideal joint's is the red point" if reference(cases) else ""
         note = (
             "Above: the centre of the journal's rim that is nearer to the bore, as far inside the "
@@ -417,12 +412,22 @@ _NEEDS: dict[str, Callable[[Cases], Any]] = {
     "journal_orbit": joints_of,
     "overview": lambda cases: any(map(has_play, cases.values())),
     "tool_path": lambda cases: not is_straight(cases),
-    **{f"force_{axis}": lambda cases, axis=axis: axis in loaded_axes(cases) for axis in AXES},
+    "force_x": lambda cases: "x" in loaded_axes(cases),
+    "force_y": lambda cases: "y" in loaded_axes(cases),
+    "force_z": lambda cases: "z" in loaded_axes(cases),
     "bearing_loads": lambda cases: any(
         analysis.rolls(result, joint) for result in cases.values() for joint in result.joints
     ),
 }
 """Conditions for drawing a figure; figures without one are always drawn."""
+
+
+def _charts(cases: Cases, short: bool = False) -> list[tuple[str, Chart]]:
+    """Names and charts of the figures for which the cases have data, or of `SHORT` among them."""
+    names = [name for name in CHARTS if name not in _NEEDS or _NEEDS[name](cases)]
+    if short and "overview" in names:
+        names = [name for name in names if name in SHORT]
+    return [(name, CHARTS[name](cases)) for name in names]
 
 
 def save(
@@ -448,10 +453,7 @@ def save(
     Raises:
         JointplayError: a file that is not such a figure has its name, or one cannot be written.
     """
-    names = [name for name in CHARTS if name not in _NEEDS or _NEEDS[name](cases)]
-    if short and "overview" in names:
-        names = [name for name in names if name in SHORT]
-    charts, written = [(name, CHARTS[name](cases)) for name in names], []
+    charts, written = _charts(cases, short), []
     urdfs = (analysis.inputs(result)["mechanism"]["urdf"] for result in cases.values())
     paper = all(map(is_paper_robot, urdfs))
     # A second process draws half of them; it costs as much time as one figure.

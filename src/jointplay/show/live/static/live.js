@@ -326,7 +326,7 @@ class Live {
 
     readCharts(head, block) {
         const bytes = block.slice(), {error, energy, joints} = head.charts;
-        const read = place => new Float32Array(bytes.buffer, bytes.byteOffset + place.at, place.count);
+        const read = place => new Float32Array(bytes.buffer, bytes.byteOffset + place.at, place.bytes / 4);
         for (const chart of [error, energy, ...Object.values(joints).flatMap(Object.values)])
             for (const mark of chart?.marks || []) Object.assign(mark, {x: read(mark.x), y: read(mark.y)});
     }
