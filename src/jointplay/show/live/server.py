@@ -15,7 +15,7 @@ from jointplay.base.tables import for_json
 from jointplay.show.live.state import State
 from jointplay.show.live.workers import Workers
 from jointplay.show.player import playback
-from jointplay.show.player.pages import components, filled, static, viewer
+from jointplay.show.player.pages import components, filled, static
 from jointplay.show.player.server import PORT
 from jointplay.show.player.server import serve as serve_page
 from jointplay.simulation.values import assumed_table
@@ -66,9 +66,8 @@ def page(contents: Mapping[str, Any], block: bytes) -> bytes:
         'document.getElementById("block").textContent);'
     )
     package, more = "jointplay.show.live", "'self' data: blob:"
-    run = [viewer(), f"{front()}\n{start}"]
     title = f"{contents['title']}: jointplay live"
-    return filled(package, title, style(), contents, block, run, more)
+    return filled(package, title, style(), contents, block, f"{front()}\n{start}", more)
 
 
 def frame(head: Mapping[str, Any], block: bytes = b"") -> bytes:

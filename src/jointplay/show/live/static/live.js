@@ -650,9 +650,7 @@ class Live {
     async save() {
         try {
             const text = await this.server.scenario(this.changed());
-            const link = element("a", {href: URL.createObjectURL(new Blob([text], {type: "application/toml"})), download: "live.toml"});
-            link.click();
-            setTimeout(() => URL.revokeObjectURL(link.href), 1000);
+            download(new Blob([text], {type: "application/toml"}), "live.toml");
             this.say("saved as live.toml: jointplay run live.toml --out DIR");
         } catch (error) {
             this.say(error.message, true);

@@ -54,23 +54,21 @@ function between(time, t) {
     return {a, b, share: span > 0 ? Math.min(Math.max((t - time[a]) / span, 0), 1) : 1};
 }
 
+// A column of a table, interpolated.
+function valueAt({values, columns}, {a, b, share}, column) {
+    const before = values[a * columns + column];
+    return before + share * (values[b * columns + column] - before);
+}
+
 // Columns [from, from + 3) of a table, interpolated.
 function vectorAt(table, place, from, out) {
-    const {values, columns} = table;
-    const a = place.a * columns + from, b = place.b * columns + from, s = place.share;
-    return out.set(values[a] + s * (values[b] - values[a]),
-        values[a + 1] + s * (values[b + 1] - values[a + 1]),
-        values[a + 2] + s * (values[b + 2] - values[a + 2]));
+    return out.set(valueAt(table, place, from), valueAt(table, place, from + 1), valueAt(table, place, from + 2));
 }
 
 // Columns [from, from + 4) of a table as a unit quaternion, interpolated.
 function turnAt(table, place, from, out) {
-    const {values, columns} = table;
-    const a = place.a * columns + from, b = place.b * columns + from, s = place.share;
-    return out.set(values[a] + s * (values[b] - values[a]),
-        values[a + 1] + s * (values[b + 1] - values[a + 1]),
-        values[a + 2] + s * (values[b + 2] - values[a + 2]),
-        values[a + 3] + s * (values[b + 3] - values[a + 3])).normalize();
+    return out.set(valueAt(table, place, from), valueAt(table, place, from + 1),
+        valueAt(table, place, from + 2), valueAt(table, place, from + 3)).normalize();
 }
 
 // Norms of the vectors in a table of n rows with m vectors each, n m of them.
