@@ -130,9 +130,9 @@ class Packer:
             self._size += len(data)
         return {"at": self._places[data], "bytes": len(data)}
 
-    def words(self, words: np.ndarray) -> dict[str, Any]:
+    def integers(self, values: np.ndarray) -> dict[str, Any]:
         """Append numbers of 32 bits, split into bytes of equal weight."""
-        return self.raw(words.view(np.uint8).reshape(-1, 4).T.tobytes())
+        return self.raw(values.view(np.uint8).reshape(-1, 4).T.tobytes())
 
     def table(self, values: np.ndarray, quantum: float) -> dict[str, Any]:
         """Append a table with a row for each moment, and return what the reader needs to decode it.
@@ -146,7 +146,7 @@ class Packer:
         change = np.diff(whole, axis=0, prepend=np.zeros((1, table.shape[1]), np.int64))
         # Zigzag: small numbers of either sign have their high bytes zero.
         zigzag = ((change << 1) ^ (change >> 63)).astype("<u4")
-        entry = self.words(np.ascontiguousarray(zigzag.T))
+        entry = self.integers(np.ascontiguousarray(zigzag.T))
         return entry | {"rows": table.shape[0], "columns": table.shape[1], "quantum": quantum}
 
     def mesh(self, triangles: np.ndarray) -> dict[str, Any]:
@@ -156,7 +156,7 @@ class Packer:
         """
         used = triangles.reshape(-1).astype(np.int64)
         fresh = np.maximum.accumulate(np.concatenate([[-1], used[:-1]])) + 1
-        return self.words((fresh - used).astype("<u4")) | {"numbers": len(used)}
+        return self.integers((fresh - used).astype("<u4")) | {"numbers": len(used)}
 
     def deflated(self) -> bytes:
         return zlib.compress(self.block, 6)

@@ -49,10 +49,10 @@ def _with_start(panels: Iterable[Panel], cases: Cases) -> tuple[list[Panel], str
 def tool_panels(cases: Cases, of: str) -> list[Panel]:
     """Tool position or velocity over time, a panel for each moving axis, with all cases in each."""
     name = "displacement" if of == "tool_position" else "velocity"
-    return [_over(coloured(cases), name, axis) for axis in moving_axes(cases)]
+    return [over(coloured(cases), name, axis) for axis in moving_axes(cases)]
 
 
-def _over(runs: Iterable[tuple[str, Result, str]], name: str, *asked: Any, **options: Any) -> Panel:
+def over(runs: Iterable[tuple[str, Result, str]], name: str, *asked: Any, **options: Any) -> Panel:
     """The result plot `name` of all runs in one panel, each under its label and in its colour."""
     return overlaid(
         result.plot.panel(name, *asked, **options).styled(colour=colour, name=label)
@@ -64,7 +64,7 @@ def difference_panels(cases: Cases, of: str) -> list[Panel]:
     """The tool's difference from the ideal mechanism over time, a panel for each moving axis."""
     drawn = [item for item in coloured(cases) if analysis.has_tool_error(item[1])]
     axes = moving_axes(cases) if drawn else ()
-    return [_over(drawn, "deviation", axis, of=of).renamed(f"{axis} - ideal") for axis in axes]
+    return [over(drawn, "deviation", axis, of=of).renamed(f"{axis} - ideal") for axis in axes]
 
 
 def _tool_history(cases: Cases, of: str) -> Chart:
@@ -98,7 +98,7 @@ def is_straight(cases: Cases) -> bool:
 
 def path_panel(cases: Cases) -> Panel:
     """Paths of the tool in the plane that `plane_of` chooses."""
-    return _over(coloured(cases), "path", plane_of(cases))
+    return over(coloured(cases), "path", plane_of(cases))
 
 
 def tool_path(cases: Cases) -> Chart:
@@ -348,7 +348,7 @@ def overview(cases: Cases) -> Chart:
         (label if has_play(result) and not single else "", result, tone)
         for label, result, tone in runs
     ]
-    plan = _over(paths, "path", plane).styled(width=1.0)
+    plan = over(paths, "path", plane).styled(width=1.0)
     plan = replace(plan, marks=[*bones, *plan.marks], title=f"{plane} plane, with the tool's path")
     error: Panel | None = None
     until = max(float(result.time[-1]) for result in cases.values())
@@ -357,11 +357,11 @@ def overview(cases: Cases) -> Chart:
     if with_error:
         angle = all(result.tool_error.is_angle for _, result, _ in with_error)
         of, name = ("tool_orientation", "turn") if angle else ("tool_position", "error")
-        error = _over(with_error, "deviation", "total", of=of).renamed(f"tool {name}")
+        error = over(with_error, "deviation", "total", of=of).renamed(f"tool {name}")
         error = replace(error, title=f"{error.y.name} against the ideal mechanism")
         error = _with_peak(error, max(result.judge_from for _, result, _ in with_error), until)
     elif with_contacts:
-        error = _over([item for item in nameless if item[1].joints], "tilt")
+        error = over([item for item in nameless if item[1].joints], "tilt")
         error = replace(error, title=f"tilt of the journal, {with_contacts[0][1].joints[0]}")
     around: dict[str, Any] = {"key": _LEGEND_COLUMNS, "wide": (1.5, 1.0)}
     if not with_contacts:

@@ -88,19 +88,15 @@ def exponents(
     values: np.ndarray, estimates: Sequence[Exponent | None], across: str, title: str = ""
 ) -> Figure:
     """Largest Lyapunov exponents over a parameter, with intervals; None where a run failed."""
-    known = [
-        (value, estimate)
-        for value, estimate in zip(values, estimates, strict=True)
-        if estimate is not None
-    ]
     marks: list[Curve | Rule] = [Rule(0.0, colour=LINE)]
     for verdict, colour in zip(("chaotic", "undecided", "regular"), COLOURS, strict=False):
-        of = [(value, estimate) for value, estimate in known if estimate.verdict == verdict]
-        if of:
-            mean, low, high = np.array(
-                [(estimate.value, estimate.low, estimate.high) for _, estimate in of]
-            ).T
-            at = [value for value, _ in of]
+        points = [
+            (value, estimate.value, estimate.low, estimate.high)
+            for value, estimate in zip(values, estimates, strict=True)
+            if estimate is not None and estimate.verdict == verdict
+        ]
+        if points:
+            at, mean, low, high = np.array(points).T
             marks.append(Curve(at, mean, verdict, colour, "", marker="o", low=low, high=high))
     panel = Panel(
         Axis(across), Axis("largest Lyapunov exponent [1/s]"), marks, title, legend="best"

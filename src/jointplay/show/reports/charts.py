@@ -71,7 +71,7 @@ class Charts:
         """
         kind = "<u4" if values.dtype.kind == "u" else "<f4"
         bits = np.ascontiguousarray(values, kind).view("<u4")
-        return self._packer.words(np.diff(bits, prepend=np.uint32(0)))
+        return self._packer.integers(np.diff(bits, prepend=np.uint32(0)))
 
     def described(self, graph: Graph) -> dict[str, Any]:
         """The description of a graph that `page/report.js` draws."""

@@ -117,15 +117,11 @@ def _heaviest(runs: Runs) -> Iterator[Part]:
     # while its middle stays inside the clearance.
     orbits = [panel for pair in shown for panel in pair[: 2 if len(shown) == 1 else 1] if panel]
     carries = ", which carries most" if len({j for _, j in runs.places}) > 1 else ""
-    overlaid = figures.overlaid(
-        runs.detailed[case.label]
-        .plot.panel("forces", "total", joint)
-        .styled(colour=case.colour, width=0.8, name=case.label)
-        for case in cases
-    ).renamed("contact force")
+    items = [(case.label, runs.detailed[case.label], case.colour) for case in cases]
+    force = figures.over(items, "forces", "total", joint).styled(width=0.8).renamed("contact force")
     title = f"Centre in the bearing of {joint}{carries}, with its clearance"
     yield from _graph(runs, "first_orbit", title, orbits)
-    yield from _graph(runs, "first_force", f"Contact force in {joint}{carries}", [overlaid])
+    yield from _graph(runs, "first_force", f"Contact force in {joint}{carries}", [force])
 
 
 def _assumed(runs: Runs) -> Iterator[Part]:
