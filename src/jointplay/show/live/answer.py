@@ -12,7 +12,7 @@ import warnings
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -34,10 +34,8 @@ from jointplay.simulation.analysis.twins import has_play, ideal_simulation, tool
 from jointplay.simulation.result.result import Result
 from jointplay.simulation.result.variables import TERMS
 from jointplay.simulation.run import Run
+from jointplay.simulation.simulation import Simulation
 from jointplay.simulation.values import values
-
-if TYPE_CHECKING:
-    from jointplay.simulation.simulation import Simulation
 
 Message = tuple[dict[str, Any], bytes]  # plain data, and the block of bytes to which it refers
 

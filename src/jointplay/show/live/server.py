@@ -8,7 +8,7 @@ import struct
 import threading
 from collections.abc import Callable, Iterator, Mapping
 from importlib import resources
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from jointplay.base.errors import JointplayError, require_finite
 from jointplay.base.tables import for_json
@@ -18,11 +18,8 @@ from jointplay.show.player import playback
 from jointplay.show.player.pages import components, filled, static
 from jointplay.show.player.server import PORT
 from jointplay.show.player.server import serve as serve_page
+from jointplay.simulation.simulation import Simulation
 from jointplay.simulation.values import assumed_table
-
-if TYPE_CHECKING:
-    from jointplay.simulation.simulation import Simulation
-
 
 _FRONT = resources.files("jointplay.show.live") / "static"
 

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Circle, Polygon
 
 from jointplay.physics.geometry import Form
-from jointplay.show.plots.names import MODE_TERMS
+from jointplay.show.plots.names import MODE_TERMS, form_name
 from jointplay.show.plots.palette import BLUE, VERMILION
 from jointplay.show.plots.style import StyledFigure, footnote, new_figure, style
 
@@ -79,7 +79,7 @@ def _form(panel: Axes, form: Form) -> None:
     else:
         for side in touching:
             panel.plot(*hit[side], "o", ms=5.0, **look)
-    _blank(panel, f"{form.letter}: {form.name.lower().replace('_', ' ')}")
+    _blank(panel, form_name(form))
 
 
 def contact_forms() -> StyledFigure:

@@ -18,7 +18,7 @@ from jointplay.base.units import readable
 from jointplay.physics.geometry import Form, Mode
 from jointplay.show.plots import figures
 from jointplay.show.plots.chart import Axis, Curve, Panel, Rule, Spans
-from jointplay.show.plots.names import MODE_MEANINGS, MODE_TERMS, MODES, robot_of
+from jointplay.show.plots.names import MODE_MEANINGS, MODE_TERMS, MODES, form_name, robot_of
 from jointplay.show.plots.style import style
 from jointplay.show.reports.assumptions import all_assumptions, conditions
 from jointplay.show.reports.cases import Case, Runs
@@ -420,9 +420,7 @@ def _shares(runs: Runs) -> Iterator[Part]:
     """Tables of the share of time in each contact mode, and in each form that occurred."""
     sliding = [place for place in runs.places if not analysis.rolls(place[0].result, place[1])]
     modes = {mode.name.lower(): name for mode, name in zip(Mode, MODES, strict=True)}
-    forms = {form.name.lower(): form.name.lower().replace("_", " ") for form in Form}
-    forms = {form.name.lower(): f"{form.letter}: {forms[form.name.lower()]}" for form in Form}
-    forms["none"] = "no contact"
+    forms = {form.name.lower(): form_name(form) for form in Form} | {"none": "no contact"}
     for kind, members in (("mode", modes), ("form", forms)) if sliding else ():
         shares = [analysis.time_fractions(c.result, j, kind, runs.start) for c, j in sliding]
         occurred = [k for k in members if kind == "mode" or any(s.get(k, 0.0) for s in shares)]

@@ -408,12 +408,10 @@ class Player {
 
     // Show time t, and forces as the largest since the time `held`.
     show(t, held = t) {
-        const began = performance.now();
         this.t = t;
         for (const c of this.cases) c.update(Math.min(t, c.entry.end), Math.min(held, c.entry.end), this.view);
         for (const c of this.shownCloseups()) c.update(this.view);
         this.showError();
-        this.updateSeconds = (performance.now() - began) / 1000;
         this.showTime();
         this.dirty();
     }
