@@ -80,7 +80,7 @@ class Machine:
     def quick(self, values: Mapping[str, float]) -> Iterator[Message]:
         """Answer quickly: the budget at one pose, and a run with long steps."""
         simulation = self.simulation(values)
-        yield _safely("budget", lambda: self._budget(simulation, whole=False))
+        yield self._budget(simulation, whole=False)
         self._continue()
         coarse = quick_simulation(simulation)
         if coarse is None:
@@ -105,7 +105,7 @@ class Machine:
     def fine(self, values: Mapping[str, float]) -> Iterator[Message]:
         """Answer in full: the budget along the motion, and the run of `jointplay run`."""
         simulation = self.simulation(values)
-        yield _safely("budget", lambda: self._budget(simulation, whole=True))
+        yield self._budget(simulation, whole=True)
         self._continue()
         yield from self._cycle(Run(simulation), MOMENTS, quick=False)
 
@@ -114,13 +114,17 @@ class Machine:
             raise Superseded
 
     def _budget(self, simulation: Simulation, whole: bool) -> Message:
-        """The static budget of `jointplay budget FILE`, or unless `whole` that at one pose."""
-        if whole or self._worst is None:
-            poses = poses_of(simulation)
-        else:
-            held = replace(simulation, mechanism=simulation.mechanism.bolted())
-            poses = replace(self._worst, machine=held)
-        errors = budget(poses.mechanism, poses.q, **poses.holding)
+        """The static budget of `jointplay budget FILE`, or unless `whole` that at one pose; or the
+        reason why it fails, on which the run does not depend."""
+        try:
+            if whole or self._worst is None:
+                poses = poses_of(simulation)
+            else:
+                held = replace(simulation, mechanism=simulation.mechanism.bolted())
+                poses = replace(self._worst, machine=held)
+            errors = budget(poses.mechanism, poses.q, **poses.holding)
+        except JointplayError as error:
+            return {"kind": "budget", "error": str(error)}, b""
         at = errors.worst_pose
         if not whole and len(poses.q) > 1:  # later quick answers take this pose alone
             self._worst = replace(poses, q=poses.q[at : at + 1])
@@ -176,14 +180,6 @@ class Machine:
             macro = readable(float(simulation.macro_step or 0.0), "s")
             steps = f"tolerance {simulation.tolerance:g}, macro steps of {macro}"
         yield from cycle_messages(result, twin, moments, steps, reason)
-
-
-def _safely(kind: str, compute: Callable[[], Message]) -> Message:
-    """A part of an answer, or the reason why it fails: other parts do not depend on it."""
-    try:
-        return compute()
-    except JointplayError as error:
-        return {"kind": kind, "error": str(error)}, b""
 
 
 def quick_simulation(simulation: Simulation) -> Simulation | None:
