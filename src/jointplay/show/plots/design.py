@@ -37,16 +37,7 @@ from jointplay.show.plots.chart import (
     in_rows,
 )
 from jointplay.show.plots.draw import draw
-from jointplay.show.plots.palette import (
-    BLUE,
-    COLOURS,
-    GREEN,
-    LINE,
-    PINK,
-    SKY,
-    VERMILION,
-    many,
-)
+from jointplay.show.plots.palette import BLUE, COLOURS, GREEN, LINE, PINK, SKY, VERMILION, many
 from jointplay.study.corners import Judgement
 from jointplay.study.hunting import UNITS, GainMap
 from jointplay.study.iso9283 import Iso9283

@@ -430,12 +430,7 @@ def _charts(cases: Cases, short: bool = False) -> list[tuple[str, Chart]]:
     return [(name, CHARTS[name](cases)) for name in names]
 
 
-def save(
-    cases: Cases,
-    folder: str | Path,
-    pdf: bool = False,
-    short: bool = False,
-) -> list[Path]:
+def save(cases: Cases, folder: str | Path, pdf: bool = False, short: bool = False) -> list[Path]:
     """Draw all figures into `folder` as PNG, those of the paper's robot under the paper's numbers.
 
     Orbits are left out if no case has clearance, the overview if none has play, the path if it is a

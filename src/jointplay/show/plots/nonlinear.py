@@ -19,11 +19,7 @@ _POINTS_PT = (2.0, 5.0)
 
 
 def turns(
-    angle: np.ndarray,
-    values: np.ndarray,
-    ideal: np.ndarray,
-    labels: Sequence[str],
-    title: str = "",
+    angle: np.ndarray, values: np.ndarray, ideal: np.ndarray, labels: Sequence[str], title: str = ""
 ) -> Figure:
     """Time histories (n, quantities) over the crank's angle in turns (n,), with and without
     clearance."""

@@ -311,10 +311,7 @@ class Plots:
         marks = []
         for i, place in enumerate(places):
             label = f"{place.contact.replace('_', ' ')}, {len(place.peak)}"
-            look = dot | {
-                "colour": look_of(i)["colour"],
-                "marker": _MARKERS[i % len(_MARKERS)],
-            }
+            look = dot | {"colour": look_of(i)["colour"], "marker": _MARKERS[i % len(_MARKERS)]}
             marks.append(Curve(place.duration, place.peak, label, **look))
         ring = analysis.rolls(self.result, name)
         log = any(len(mark.x) for mark in marks)
@@ -362,11 +359,7 @@ class Plots:
 
     @_drawn()
     def spectrum(
-        self,
-        axis: str | None = None,
-        *,
-        of: str = "acceleration",
-        start: float | None = None,
+        self, axis: str | None = None, *, of: str = "acceleration", start: float | None = None
     ) -> Panel:
         """Power spectral density of the tool's vibration; see `analysis.spectrum`.
 
