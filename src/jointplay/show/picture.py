@@ -69,7 +69,6 @@ def picture(
     *,
     title: str = "",
     view: tuple[float, float] | None = None,
-    folders: Sequence[str | Path] = (),
     colours: Mapping[str, str] | None = None,
     scale: tuple[ScalarMappable, str] | None = None,
     labels: Mapping[str, str] | None = None,
@@ -87,7 +86,6 @@ def picture(
         title: above the picture.
         view: azimuth and elevation of the viewer [deg]; None looks from the side, and from further
             above where the mechanism is flat.
-        folders: further folders to look for meshes in.
         colours: of bodies, by the name of the joint that carries them, as #rrggbb.
         scale: colour scale and its name, for a colour bar.
         labels: by joint, the text beside its mark instead of its play; joints without clearance are
@@ -98,8 +96,8 @@ def picture(
         A new figure; save it with its `savefig`.
 
     Raises:
-        JointplayError: q of the wrong shape; loops that cannot be closed; no such folder; a shape
-            of a size that cannot be drawn.
+        JointplayError: q of the wrong shape; loops that cannot be closed; a shape of a size that
+            cannot be drawn.
     """
     if q is None:
         q = assemble(mechanism, np.zeros(mechanism.model.nq), [])
@@ -109,7 +107,7 @@ def picture(
             f"q must have the shape ({mechanism.model.nq},): {', '.join(mechanism.coordinates)}; "
             f"got {q.shape}"
         )
-    scene = Scene(mechanism, folders)
+    scene = Scene(mechanism)
     places = dict(zip(scene.links, map(pin.XYZQUATToSE3, scene.poses(q[None])[0]), strict=True))
     bodies, paints = _placed(scene, places, colours)
     points = np.concatenate(bodies).reshape(-1, 3)

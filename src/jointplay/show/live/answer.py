@@ -11,7 +11,8 @@ import time
 import warnings
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -25,6 +26,7 @@ from jointplay.physics.kernel import Status
 from jointplay.physics.kernel.constants import DEFAULT
 from jointplay.show.live.state import WHOLE, State
 from jointplay.show.player import playback
+from jointplay.show.player.tracks import Packer
 from jointplay.show.plots.chart import Axis, Curve, Panel
 from jointplay.show.plots.result import TIME
 from jointplay.simulation.analysis.tool_error import deviation, error_statistics, measured_against
@@ -32,10 +34,8 @@ from jointplay.simulation.analysis.twins import has_play, ideal_simulation, tool
 from jointplay.simulation.result.result import Result
 from jointplay.simulation.result.variables import TERMS
 from jointplay.simulation.run import Run
+from jointplay.simulation.simulation import Simulation
 from jointplay.simulation.values import values
-
-if TYPE_CHECKING:
-    from jointplay.simulation.simulation import Simulation
 
 Message = tuple[dict[str, Any], bytes]  # plain data, and the block of bytes to which it refers
 
@@ -80,7 +80,7 @@ class Machine:
     def quick(self, values: Mapping[str, float]) -> Iterator[Message]:
         """Answer quickly: the budget at one pose, and a run with long steps."""
         simulation = self.simulation(values)
-        yield _safely("budget", lambda: self._budget(simulation, whole=False))
+        yield self._budget(simulation, whole=False)
         self._continue()
         coarse = quick_simulation(simulation)
         if coarse is None:
@@ -105,7 +105,7 @@ class Machine:
     def fine(self, values: Mapping[str, float]) -> Iterator[Message]:
         """Answer in full: the budget along the motion, and the run of `jointplay run`."""
         simulation = self.simulation(values)
-        yield _safely("budget", lambda: self._budget(simulation, whole=True))
+        yield self._budget(simulation, whole=True)
         self._continue()
         yield from self._cycle(Run(simulation), MOMENTS, quick=False)
 
@@ -114,13 +114,17 @@ class Machine:
             raise Superseded
 
     def _budget(self, simulation: Simulation, whole: bool) -> Message:
-        """The static budget of `jointplay budget FILE`, or unless `whole` that at one pose."""
-        if whole or self._worst is None:
-            poses = poses_of(simulation)
-        else:
-            held = replace(simulation, mechanism=simulation.mechanism.bolted())
-            poses = replace(self._worst, machine=held)
-        errors = budget(poses.mechanism, poses.q, **poses.holding)
+        """The static budget of `jointplay budget FILE`, or unless `whole` that at one pose; or the
+        reason why it fails, on which the run does not depend."""
+        try:
+            if whole or self._worst is None:
+                poses = poses_of(simulation)
+            else:
+                held = replace(simulation, mechanism=simulation.mechanism.bolted())
+                poses = replace(self._worst, machine=held)
+            errors = budget(poses.mechanism, poses.q, **poses.holding)
+        except JointplayError as error:
+            return {"kind": "budget", "error": str(error)}, b""
         at = errors.worst_pose
         if not whole and len(poses.q) > 1:  # later quick answers take this pose alone
             self._worst = replace(poses, q=poses.q[at : at + 1])
@@ -178,14 +182,6 @@ class Machine:
         yield from cycle_messages(result, twin, moments, steps, reason)
 
 
-def _safely(kind: str, compute: Callable[[], Message]) -> Message:
-    """A part of an answer, or the reason why it fails: other parts do not depend on it."""
-    try:
-        return compute()
-    except JointplayError as error:
-        return {"kind": kind, "error": str(error)}, b""
-
-
 def quick_simulation(simulation: Simulation) -> Simulation | None:
     """The simulation with longer steps and fewer records, for a first look; None if that fails."""
     duration = simulation.duration or (simulation.motion.duration if simulation.motion else None)
@@ -234,38 +230,23 @@ def budget_message(errors: PlayBudget, whole: bool, moves: bool) -> dict[str, An
     }
 
 
-class Curves:
-    """Charts whose numbers are in one block of bytes: 32-bit floats, equal arrays once."""
+def _chart(packer: Packer, panel: Panel) -> dict[str, Any]:
+    """The description of a chart for `chart.js`, in SI, with its series packed as 32-bit floats;
+    the script chooses units' prefixes."""
 
-    def __init__(self) -> None:
-        self.block = bytearray()
-        self._places: dict[bytes, dict[str, int]] = {}
+    def packed(values: Any) -> dict[str, Any]:
+        return packer.raw(np.ascontiguousarray(values, "<f4").tobytes())
 
-    def _put(self, values: Any) -> dict[str, int]:
-        """Append an array, if it is new, and return its place."""
-        data = np.ascontiguousarray(values, "<f4").tobytes()
-        if data not in self._places:
-            self._places[data] = {"at": len(self.block), "count": len(data) // 4}
-            self.block += data
-        return self._places[data]
-
-    def chart(self, panel: Panel) -> dict[str, Any]:
-        """The description of a chart for `chart.js`, in SI; the script chooses units' prefixes."""
-        return {
-            "x": {"label": panel.x.name, "unit": panel.x.unit},
-            "y": {"label": panel.y.name, "unit": panel.y.unit},
-            "equal": bool(panel.equal),
-            "marks": [
-                {
-                    "name": curve.name,
-                    "frame": curve.frame,
-                    "x": self._put(curve.x),
-                    "y": self._put(curve.y),
-                }
-                for curve in panel.marks
-                if isinstance(curve, Curve)
-            ],
-        }
+    return {
+        "x": {"label": panel.x.name, "unit": panel.x.unit},
+        "y": {"label": panel.y.name, "unit": panel.y.unit},
+        "equal": bool(panel.equal),
+        "marks": [
+            {"name": curve.name, "frame": curve.frame, "x": packed(curve.x), "y": packed(curve.y)}
+            for curve in panel.marks
+            if isinstance(curve, Curve)
+        ],
+    }
 
 
 def cycle_messages(
@@ -280,7 +261,8 @@ def cycle_messages(
     few = result.thinned(max(-(-len(result.time) // SHOWN), 1))
     few.simulation = result.simulation  # else it would be built again
     kept = np.searchsorted(result.time, few.time)
-    curves, error = Curves(), None
+    packer, error = Packer(), None
+    chart = partial(_chart, packer)
     joints: dict[str, Any] = {}
     figures: list[dict[str, Any]] = []
 
@@ -297,7 +279,7 @@ def cycle_messages(
         sizes = np.linalg.norm(difference.values, axis=1)
         if what == "error":
             largest = np.maximum.reduceat(sizes, np.minimum(begin, len(sizes) - 1))
-            error = curves.chart(Panel(TIME, Axis("error", "m"), [Curve(few.time, largest)]))
+            error = chart(Panel(TIME, Axis("error", "m"), [Curve(few.time, largest)]))
         statistics = error_statistics(difference)
         figure(f"largest tool {what}", statistics.peak[-1], unit)
         figure(f"RMS tool {what}", statistics.rms[-1], unit)
@@ -305,7 +287,7 @@ def cycle_messages(
     peaks = result["joint_force_peak"].values[judged] if result.joints else np.empty((0, 0, 3))
     for name, forces in zip(result.joints, np.linalg.norm(peaks, axis=2).T, strict=True):
         shown = {"orbit": ("orbit", name), "force": ("forces", "total", name)}
-        joints[name] = {key: curves.chart(few.plot.panel(*asked)) for key, asked in shown.items()}
+        joints[name] = {key: chart(few.plot.panel(*asked)) for key, asked in shown.items()}
         figure(f"peak force, {name}", forces.max(initial=0.0), "N")
     # Largest penetration over the clearance: a journal that penetrates so far has that much more
     # play than the budget reckons with. None for compliant joints and rolling bearings.
@@ -324,7 +306,7 @@ def cycle_messages(
     terms = [(term.label, few[term.variable].values) for term in TERMS]
     shown_terms = [("stored", stored - stored[0]), *(term for term in terms if np.any(term[1]))]
     energies = [Curve(few.time, values, name) for name, values in shown_terms]
-    energy = curves.chart(Panel(TIME, Axis("energy", "J"), energies))
+    energy = chart(Panel(TIME, Axis("energy", "J"), energies))
     charts = {"error": error, "energy": energy, "joints": joints}
     lost = sum(float(result[term.variable].values[-1]) for term in TERMS if term.lost)
     figure("energy lost", lost, "J")
@@ -351,7 +333,7 @@ def cycle_messages(
         "charts": charts,
         "pictured": twin is not None and len(few.time) > 1,
     }
-    yield head, bytes(curves.block)
+    yield head, packer.block
     if twin is not None and head["pictured"]:
         moving = playback.motion("", few, twin, moments)
         yield {"kind": "picture", "picture": moving.contents}, moving.block

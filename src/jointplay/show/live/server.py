@@ -8,21 +8,18 @@ import struct
 import threading
 from collections.abc import Callable, Iterator, Mapping
 from importlib import resources
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from jointplay.base.errors import JointplayError, require_finite
 from jointplay.base.tables import for_json
 from jointplay.show.live.state import State
 from jointplay.show.live.workers import Workers
 from jointplay.show.player import playback
-from jointplay.show.player.pages import components, filled, static, viewer
+from jointplay.show.player.pages import components, filled, static
 from jointplay.show.player.server import PORT
 from jointplay.show.player.server import serve as serve_page
+from jointplay.simulation.simulation import Simulation
 from jointplay.simulation.values import assumed_table
-
-if TYPE_CHECKING:
-    from jointplay.simulation.simulation import Simulation
-
 
 _FRONT = resources.files("jointplay.show.live") / "static"
 
@@ -66,25 +63,14 @@ def page(contents: Mapping[str, Any], block: bytes) -> bytes:
         'document.getElementById("block").textContent);'
     )
     package, more = "jointplay.show.live", "'self' data: blob:"
-    run = [viewer(), f"{front()}\n{start}"]
     title = f"{contents['title']}: jointplay live"
-    return filled(package, title, style(), contents, block, run, more)
+    return filled(package, title, style(), contents, block, f"{front()}\n{start}", more)
 
 
 def frame(head: Mapping[str, Any], block: bytes = b"") -> bytes:
     """A part of an answer as bytes: two lengths, plain data (JSON), the block."""
     text = json.dumps(for_json(head), separators=(",", ":")).encode()
     return struct.pack("<II", len(text), len(block)) + text + block
-
-
-def values_of(asked: Any) -> dict[str, float]:
-    """The values by control in a page's question; JointplayError if it has none."""
-    values = asked.get("values") if isinstance(asked, dict) else None
-    if not isinstance(values, dict) or not all(
-        isinstance(value, int | float) and not isinstance(value, bool) for value in values.values()
-    ):
-        raise JointplayError("a question has values, numbers by control")
-    return {name: require_finite(name, value, "") for name, value in values.items()}
 
 
 class Routes:
@@ -105,7 +91,10 @@ class Routes:
             asked = json.loads(body)
         except (ValueError, RecursionError) as error:
             raise JointplayError(f"the question cannot be read: {error}") from None
-        values = values_of(asked)
+        values = asked.get("values") if isinstance(asked, dict) else None
+        if not isinstance(values, dict):
+            raise JointplayError("a question has values, numbers by control")
+        values = {name: require_finite(name, value, "") for name, value in values.items()}
         page, number = asked.get("page", ""), asked.get("number", 0)
         if not isinstance(page, str) or not isinstance(number, int):
             raise JointplayError("a question's page is text, and its number a whole one")

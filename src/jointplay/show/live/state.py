@@ -138,13 +138,10 @@ class State:
         first = {**(given[0] if given else {}), "mass": mass}
         return [*([first] if mass > 0.0 else []), *given[1:]]
 
-    def data(self, values: Mapping[str, float]) -> dict[str, Any]:
-        """The case's scenario with these values."""
-        return merge(self.scenario.data(self.case), self.changes(values))
-
     def text(self, values: Mapping[str, float]) -> str:
         """A scenario file with these values, which `jointplay run` runs from any folder."""
-        data, folder = self.data(values), self.scenario.path.parent
+        data = merge(self.scenario.data(self.case), self.changes(values))
+        folder = self.scenario.path.parent
         for table, key in (("robot", "urdf"), ("motion", "file")):
             given = data.get(table, {}).get(key)
             if given is not None and ":" not in given:

@@ -129,25 +129,20 @@ def _serve(state: State, kind: str, connection: Any, newest: Any) -> None:
             number, values = connection.recv()
             while connection.poll():  # skip questions that newer ones have replaced
                 number, values = connection.recv()
-
             machine.superseded = lambda number=number: bool(newest.value != number)  # type: ignore[misc]
-            began = time.process_time()
-
-            def send(
-                head: dict[str, Any],
-                block: bytes = b"",
-                number: int = number,
-                began: float = began,
-            ) -> None:
-                took = {"question": number, "cpu_s": time.process_time() - began}
-                connection.send((head | took, block))
-
-            _answer(machine, kind, values, send)
+            _answer(machine, kind, values, connection, number)
 
 
-def _answer(machine: Machine, kind: str, values: Mapping[str, float], send: Any) -> None:
+def _answer(
+    machine: Machine, kind: str, values: Mapping[str, float], connection: Any, number: int
+) -> None:
     """Answer one question; an error is sent with the control that caused it."""
-    refused = True
+    began, refused = time.process_time(), True
+
+    def send(head: dict[str, Any], block: bytes = b"") -> None:
+        took = {"question": number, "cpu_s": time.process_time() - began}
+        connection.send((head | took, block))
+
     try:
         for head, block in getattr(machine, kind)(values):
             send(head, block)

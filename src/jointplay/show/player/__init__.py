@@ -27,10 +27,7 @@ Say = Callable[[str], None]  # receives notes for the user, a line each
 
 
 def page(
-    cases: Mapping[str, Result],
-    title: str | None = None,
-    say: Say = lambda _: None,
-    **options: Any,
+    cases: Mapping[str, Result], title: str | None = None, say: Say = lambda _: None, **options: Any
 ) -> tuple[bytes, Packed]:
     """The page that plays `cases`, and its scene; options and errors are those of `playback.build`.
 
@@ -55,10 +52,7 @@ def page(
 
 
 def save_html(
-    cases: Mapping[str, Result],
-    path: str | Path,
-    say: Say = lambda _: None,
-    **options: Any,
+    cases: Mapping[str, Result], path: str | Path, say: Say = lambda _: None, **options: Any
 ) -> Path:
     """Write a self-contained page that plays `cases`, without a server or a network.
 

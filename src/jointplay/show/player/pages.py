@@ -74,28 +74,24 @@ def components() -> str:
     return "\n".join((f"const MODES = {json.dumps(modes)};", *map(static, _COMPONENTS)))
 
 
-def viewer() -> str:
-    """Meshcat's viewer, which includes three.js."""
-    return (_VIEWER / "main.min.js").read_text("utf-8")
-
-
 def render(scene: Packed, title: str) -> bytes:
     """The page that plays `scene`, HTML in UTF-8, with everything inside: viewer, tracks, meshes,
     licences. Its policy forbids the browser any request to a server.
     """
     player = "\n".join((components(), static("player.js")))
-    scripts = [viewer(), f'"use strict";\n{{\nconst {{THREE}} = MeshCat;\n{player}\n}}']
+    script = f'"use strict";\n{{\nconst {{THREE}} = MeshCat;\n{player}\n}}'
     look = static("player.css")
-    return filled(_PACKAGE, title, look, scene.contents, scene.block, scripts, "data: blob:")
+    return filled(_PACKAGE, title, look, scene.contents, scene.block, script, "data: blob:")
 
 
 def filled(
-    package: str, title: str, style: str, contents: Any, block: bytes, scripts: list[str], more: str
+    package: str, title: str, style: str, contents: Any, block: bytes, script: str, more: str
 ) -> bytes:
-    """The page by the template of `package`, with meshcat's viewer; `more` is what it may fetch."""
+    """The page by the template of `package`, whose script runs after meshcat's viewer (which
+    includes three.js); `more` is what it may fetch."""
     loader = ChoiceLoader([PackageLoader(name, "static") for name in (package, _PACKAGE)])
     environment = Environment(loader=loader, autoescape=True, undefined=StrictUndefined)
-    run = [as_script(script) for script in scripts]
+    run = [as_script(static("main.min.js", _VIEWER)), as_script(script)]
     page = environment.get_template("page.html").render(
         policy=policy(run, connect=more),
         title=title,

@@ -115,15 +115,24 @@ class Packer:
     """
 
     def __init__(self) -> None:
-        self._blocks: list[bytes] = []
+        self._places: dict[bytes, int] = {}  # in the block, of what was appended
         self._size = 0
 
+    @property
+    def block(self) -> bytes:
+        """All that was appended, not compressed."""
+        return b"".join(self._places)
+
     def raw(self, data: bytes) -> dict[str, Any]:
-        """Append bytes as they are, and return their place for the reader."""
-        entry = {"at": self._size, "bytes": len(data)}
-        self._blocks.append(data)
-        self._size += len(data)
-        return entry
+        """Append bytes unless the block has them already, and return their place for the reader."""
+        if data not in self._places:
+            self._places[data] = self._size
+            self._size += len(data)
+        return {"at": self._places[data], "bytes": len(data)}
+
+    def integers(self, values: np.ndarray) -> dict[str, Any]:
+        """Append numbers of 32 bits, split into bytes of equal weight."""
+        return self.raw(values.view(np.uint8).reshape(-1, 4).T.tobytes())
 
     def table(self, values: np.ndarray, quantum: float) -> dict[str, Any]:
         """Append a table with a row for each moment, and return what the reader needs to decode it.
@@ -137,8 +146,7 @@ class Packer:
         change = np.diff(whole, axis=0, prepend=np.zeros((1, table.shape[1]), np.int64))
         # Zigzag: small numbers of either sign have their high bytes zero.
         zigzag = ((change << 1) ^ (change >> 63)).astype("<u4")
-        planes = np.ascontiguousarray(zigzag.T).view(np.uint8).reshape(-1, 4).T
-        entry = self.raw(np.ascontiguousarray(planes).tobytes())
+        entry = self.integers(np.ascontiguousarray(zigzag.T))
         return entry | {"rows": table.shape[0], "columns": table.shape[1], "quantum": quantum}
 
     def mesh(self, triangles: np.ndarray) -> dict[str, Any]:
@@ -148,9 +156,7 @@ class Packer:
         """
         used = triangles.reshape(-1).astype(np.int64)
         fresh = np.maximum.accumulate(np.concatenate([[-1], used[:-1]])) + 1
-        behind = (fresh - used).astype("<u4")
-        planes = np.ascontiguousarray(behind.view(np.uint8).reshape(-1, 4).T)
-        return self.raw(planes.tobytes()) | {"numbers": len(used)}
+        return self.integers((fresh - used).astype("<u4")) | {"numbers": len(used)}
 
     def deflated(self) -> bytes:
-        return zlib.compress(b"".join(self._blocks), 6)
+        return zlib.compress(self.block, 6)

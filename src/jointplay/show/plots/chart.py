@@ -223,6 +223,12 @@ class Chart:
         return [panel for row in self.rows for panel in row if panel is not None]
 
 
+def in_rows(panels: Sequence[Panel | None], across: int) -> list[list[Panel | None]]:
+    """Rows of a chart with so many panels each; the last is filled up with None."""
+    filled = [*panels, *[None] * (-len(panels) % across)]
+    return [filled[k : k + across] for k in range(0, len(filled), across)]
+
+
 def outline(x: np.ndarray, y: np.ndarray) -> Curve:
     """The outline of a clearance, a curve that is not data."""
     return Curve(x, y, colour="black", width=1.0, frame=True)

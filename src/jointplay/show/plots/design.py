@@ -34,18 +34,10 @@ from jointplay.show.plots.chart import (
     Mark,
     Panel,
     Rule,
+    in_rows,
 )
 from jointplay.show.plots.draw import draw
-from jointplay.show.plots.palette import (
-    BLUE,
-    COLOURS,
-    GREEN,
-    LINE,
-    PINK,
-    SKY,
-    VERMILION,
-    many,
-)
+from jointplay.show.plots.palette import BLUE, COLOURS, GREEN, LINE, PINK, SKY, VERMILION, many
 from jointplay.study.corners import Judgement
 from jointplay.study.hunting import UNITS, GainMap
 from jointplay.study.iso9283 import Iso9283
@@ -378,7 +370,7 @@ def reversal_loops(loops: Sequence[Loop], estimates: Sequence[Estimate]) -> Figu
     """Hysteresis loops: each joint's deviation from its motor, measured and fitted, by direction of
     motion; titles give the play."""
     note = "dots: measured, by the way moved or pushed (hollow: neither); lines: what was found"
-    panels: list[Panel | None] = []
+    panels = []
     for loop in loops:
         marks: list[Mark] = []
         for way, colour in ((0, LINE), (-1, VERMILION), (1, BLUE)):
@@ -396,8 +388,7 @@ def reversal_loops(loops: Sequence[Loop], estimates: Sequence[Estimate]) -> Figu
         )
         panels.append(Panel(x, up, marks, title="\n".join([loop.joint, *play])))
     across = min(len(panels), 3)
-    panels += [None] * (-len(panels) % across)
-    rows = [panels[k : k + across] for k in range(0, len(panels), across)]
+    rows = in_rows(panels, across)
     return draw(Chart(rows, (max(3.4 * across, 5.0), 0.6 + 3.0 * len(rows)), note=note))
 
 

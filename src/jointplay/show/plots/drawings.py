@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Circle, Polygon
 
 from jointplay.physics.geometry import Form
-from jointplay.show.plots.names import MODE_TERMS
+from jointplay.show.plots.names import MODE_TERMS, form_name
 from jointplay.show.plots.palette import BLUE, VERMILION
 from jointplay.show.plots.style import StyledFigure, footnote, new_figure, style
 
@@ -69,12 +69,7 @@ def _form(panel: Axes, form: Form) -> None:
     walls = (left - gap["axial_B"], right + gap["axial_A"], bottom - lower, top + upper)
     _bearing(panel, *walls)
     _journal(panel, corners)
-    hit = {
-        "radial_A": corners[0],
-        "radial_B": corners[2],
-        "axial_A": corners[3],
-        "axial_B": corners[1],
-    }
+    hit = dict(zip(_SIDES, corners[[0, 2, 3, 1]], strict=True))
     look: dict[str, Any] = {"color": VERMILION, "zorder": 4.0, "clip_on": False}
     if line:
         if "radial_A" in touching:
@@ -84,7 +79,7 @@ def _form(panel: Axes, form: Form) -> None:
     else:
         for side in touching:
             panel.plot(*hit[side], "o", ms=5.0, **look)
-    _blank(panel, f"{form.letter}: {form.name.lower().replace('_', ' ')}")
+    _blank(panel, form_name(form))
 
 
 def contact_forms() -> StyledFigure:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import nullcontext
 from dataclasses import replace
 from functools import partial
@@ -16,7 +16,7 @@ import pinocchio as pin
 from jointplay.base import files
 from jointplay.base.processes import in_parallel
 from jointplay.model.mechanism import Mechanism
-from jointplay.show.plots.chart import Axis, Chart, Curve, Label, Panel, Rule, overlaid
+from jointplay.show.plots.chart import Axis, Chart, Curve, Label, Panel, Rule, in_rows, overlaid
 from jointplay.show.plots.draw import draw
 from jointplay.show.plots.names import MARK, PAPER, SHORT, is_paper_robot, kinds
 from jointplay.show.plots.palette import GREY, VERMILION, Cases, colours, many, reference
@@ -49,27 +49,22 @@ def _with_start(panels: Iterable[Panel], cases: Cases) -> tuple[list[Panel], str
 def tool_panels(cases: Cases, of: str) -> list[Panel]:
     """Tool position or velocity over time, a panel for each moving axis, with all cases in each."""
     name = "displacement" if of == "tool_position" else "velocity"
-    return [_over(cases, name, axis) for axis in moving_axes(cases)]
+    return [over(coloured(cases), name, axis) for axis in moving_axes(cases)]
 
 
-def _over(cases: Cases, name: str, *asked: Any) -> Panel:
-    """The result plot `name` of all cases in one panel, each in its colour."""
+def over(runs: Iterable[tuple[str, Result, str]], name: str, *asked: Any, **options: Any) -> Panel:
+    """The result plot `name` of all runs in one panel, each under its label and in its colour."""
     return overlaid(
-        result.plot.panel(name, *asked).styled(colour=colour, name=label)
-        for label, result, colour in coloured(cases)
+        result.plot.panel(name, *asked, **options).styled(colour=colour, name=label)
+        for label, result, colour in runs
     )
 
 
 def difference_panels(cases: Cases, of: str) -> list[Panel]:
     """The tool's difference from the ideal mechanism over time, a panel for each moving axis."""
     drawn = [item for item in coloured(cases) if analysis.has_tool_error(item[1])]
-    return [
-        overlaid(
-            result.plot.panel("deviation", axis, of=of).styled(colour=tone, name=label)
-            for label, result, tone in drawn
-        ).renamed(f"{axis} - ideal")
-        for axis in (moving_axes(cases) if drawn else ())
-    ]
+    axes = moving_axes(cases) if drawn else ()
+    return [over(drawn, "deviation", axis, of=of).renamed(f"{axis} - ideal") for axis in axes]
 
 
 def _tool_history(cases: Cases, of: str) -> Chart:
@@ -103,7 +98,7 @@ def is_straight(cases: Cases) -> bool:
 
 def path_panel(cases: Cases) -> Panel:
     """Paths of the tool in the plane that `plane_of` chooses."""
-    return _over(cases, "path", plane_of(cases))
+    return over(coloured(cases), "path", plane_of(cases))
 
 
 def tool_path(cases: Cases) -> Chart:
@@ -182,15 +177,10 @@ def journal_orbit(cases: Cases) -> Chart:
     columns = min(max(len(result.joints) and len(cases) for result in cases.values()), _ORBITS)
     columns = max(1, min(columns, len(shown)))
     any_rims = any(rims is not None for _, rims in shown)
-    rows: list[list[Panel | None]] = []
-    for first in range(0, len(shown), columns):
-        line = shown[first : first + columns]
-        blank = [None] * (columns - len(line))
-        if any_rims:
-            rows.append([*(rims for _, rims in line), *blank])
-        rows.append([*(orbit for orbit, _ in line), *blank])
-    note = ""
+    rows, note = in_rows([orbit for orbit, _ in shown], columns), ""
     if any_rims:
+        above = in_rows([rims for _, rims in shown], columns)
+        rows = [row for both in zip(above, rows, strict=True) for row in both]
         ideal = "; the ideal joint's is the red point" if reference(cases) else ""
         note = (
             "Above: the centre of the journal's rim that is nearer to the bore, as far inside the "
@@ -354,29 +344,24 @@ def overview(cases: Cases) -> Chart:
         for moment in (0, int(np.abs(first["v"].values).sum(axis=1).argmax()), len(first.time) // 2)
         for line in _skeleton(mechanism, first["q"].values[moment])
     ]
-    plan = overlaid(
-        result.plot.panel("path", plane).styled(
-            colour=tone, width=1.0, name=label if has_play(result) and not single else ""
-        )
+    paths = [
+        (label if has_play(result) and not single else "", result, tone)
         for label, result, tone in runs
-    )
+    ]
+    plan = over(paths, "path", plane).styled(width=1.0)
     plan = replace(plan, marks=[*bones, *plan.marks], title=f"{plane} plane, with the tool's path")
     error: Panel | None = None
     until = max(float(result.time[-1]) for result in cases.values())
-    with_error = [item for item in runs[::-1] if analysis.has_tool_error(item[1])]
+    nameless = [("", result, tone) for _, result, tone in runs[::-1]]  # the paths have the names
+    with_error = [item for item in nameless if analysis.has_tool_error(item[1])]
     if with_error:
         angle = all(result.tool_error.is_angle for _, result, _ in with_error)
         of, name = ("tool_orientation", "turn") if angle else ("tool_position", "error")
-        error = overlaid(
-            result.plot.panel("deviation", "total", of=of).styled(colour=tone)
-            for _, result, tone in with_error
-        ).renamed(f"tool {name}")
+        error = over(with_error, "deviation", "total", of=of).renamed(f"tool {name}")
         error = replace(error, title=f"{error.y.name} against the ideal mechanism")
         error = _with_peak(error, max(result.judge_from for _, result, _ in with_error), until)
     elif with_contacts:
-        error = overlaid(
-            result.plot.panel("tilt").styled(colour=tone) for _, result, tone in with_contacts
-        )
+        error = over([item for item in nameless if item[1].joints], "tilt")
         error = replace(error, title=f"tilt of the journal, {with_contacts[0][1].joints[0]}")
     around: dict[str, Any] = {"key": _LEGEND_COLUMNS, "wide": (1.5, 1.0)}
     if not with_contacts:
@@ -437,21 +422,15 @@ _NEEDS: dict[str, Callable[[Cases], Any]] = {
 """Conditions for drawing a figure; figures without one are always drawn."""
 
 
-def _charts(cases: Cases, short: bool = False) -> Iterator[tuple[str, Chart]]:
+def _charts(cases: Cases, short: bool = False) -> list[tuple[str, Chart]]:
     """Names and charts of the figures for which the cases have data, or of `SHORT` among them."""
     names = [name for name in CHARTS if name not in _NEEDS or _NEEDS[name](cases)]
     if short and "overview" in names:
         names = [name for name in names if name in SHORT]
-    for name in names:
-        yield name, CHARTS[name](cases)
+    return [(name, CHARTS[name](cases)) for name in names]
 
 
-def save(
-    cases: Cases,
-    folder: str | Path,
-    pdf: bool = False,
-    short: bool = False,
-) -> list[Path]:
+def save(cases: Cases, folder: str | Path, pdf: bool = False, short: bool = False) -> list[Path]:
     """Draw all figures into `folder` as PNG, those of the paper's robot under the paper's numbers.
 
     Orbits are left out if no case has clearance, the overview if none has play, the path if it is a
@@ -469,7 +448,7 @@ def save(
     Raises:
         JointplayError: a file that is not such a figure has its name, or one cannot be written.
     """
-    charts, written = list(_charts(cases, short)), []
+    charts, written = _charts(cases, short), []
     urdfs = (analysis.inputs(result)["mechanism"]["urdf"] for result in cases.values())
     paper = all(map(is_paper_robot, urdfs))
     # A second process draws half of them; it costs as much time as one figure.

@@ -12,6 +12,7 @@ from jointplay.model.linkage import DRAWN
 from jointplay.simulation import analysis
 
 if TYPE_CHECKING:
+    from jointplay.physics.geometry import Form
     from jointplay.simulation.result.result import Result
 
 PAPER_ROBOTS = ("scara.urdf", "scara_as_printed.urdf")
@@ -44,6 +45,12 @@ MODE_MEANINGS = (
     "deflection",
 )
 """Condition of each mode."""
+
+
+def form_name(form: Form) -> str:
+    """The name of a contact form, after its letter in Figure 2."""
+    name = form.name.lower().replace("_", " ")
+    return f"{form.letter}: {name}" if form else name
 
 
 def is_paper_robot(urdf: str) -> bool:

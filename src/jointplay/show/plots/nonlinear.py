@@ -19,11 +19,7 @@ _POINTS_PT = (2.0, 5.0)
 
 
 def turns(
-    angle: np.ndarray,
-    values: np.ndarray,
-    ideal: np.ndarray,
-    labels: Sequence[str],
-    title: str = "",
+    angle: np.ndarray, values: np.ndarray, ideal: np.ndarray, labels: Sequence[str], title: str = ""
 ) -> Figure:
     """Time histories (n, quantities) over the crank's angle in turns (n,), with and without
     clearance."""
@@ -88,19 +84,15 @@ def exponents(
     values: np.ndarray, estimates: Sequence[Exponent | None], across: str, title: str = ""
 ) -> Figure:
     """Largest Lyapunov exponents over a parameter, with intervals; None where a run failed."""
-    known = [
-        (value, estimate)
-        for value, estimate in zip(values, estimates, strict=True)
-        if estimate is not None
-    ]
     marks: list[Curve | Rule] = [Rule(0.0, colour=LINE)]
     for verdict, colour in zip(("chaotic", "undecided", "regular"), COLOURS, strict=False):
-        of = [(value, estimate) for value, estimate in known if estimate.verdict == verdict]
-        if of:
-            mean, low, high = np.array(
-                [(estimate.value, estimate.low, estimate.high) for _, estimate in of]
-            ).T
-            at = [value for value, _ in of]
+        points = [
+            (value, estimate.value, estimate.low, estimate.high)
+            for value, estimate in zip(values, estimates, strict=True)
+            if estimate is not None and estimate.verdict == verdict
+        ]
+        if points:
+            at, mean, low, high = np.array(points).T
             marks.append(Curve(at, mean, verdict, colour, "", marker="o", low=low, high=high))
     panel = Panel(
         Axis(across), Axis("largest Lyapunov exponent [1/s]"), marks, title, legend="best"

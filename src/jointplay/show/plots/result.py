@@ -19,7 +19,7 @@ from jointplay.base.errors import JointplayError, MissingName, require_known
 from jointplay.base.units import round_below
 from jointplay.physics.geometry import Form, Mode
 from jointplay.show.plots.chart import Axis, Curve, Panel, Rule, Spans, outline
-from jointplay.show.plots.names import MODE_TERMS, MODES
+from jointplay.show.plots.names import MODE_TERMS, MODES, form_name
 from jointplay.show.plots.palette import (
     AXIS_COLOURS,
     BLUE,
@@ -278,11 +278,7 @@ class Plots:
                 f"Figure 2 has no forms for a joint such as {name!r}; plot its modes or contacts"
             )
         occurred = [form for form in Form if shares[form.name.lower()] > 0.0]
-        rows = []
-        for form in occurred:
-            name_of_form = form.name.lower().replace("_", " ")
-            letter = f"{form.letter}: " if form else ""
-            rows.append(f"{letter}{name_of_form}, {100 * shares[form.name.lower()]:.1f} %")
+        rows = [f"{form_name(f)}, {100 * shares[f.name.lower()]:.1f} %" for f in occurred]
         return self._timeline("form", name, occurred, rows, [BLUE] * len(rows))
 
     def _timeline(
@@ -315,10 +311,7 @@ class Plots:
         marks = []
         for i, place in enumerate(places):
             label = f"{place.contact.replace('_', ' ')}, {len(place.peak)}"
-            look = dot | {
-                "colour": look_of(i)["colour"],
-                "marker": _MARKERS[i % len(_MARKERS)],
-            }
+            look = dot | {"colour": look_of(i)["colour"], "marker": _MARKERS[i % len(_MARKERS)]}
             marks.append(Curve(place.duration, place.peak, label, **look))
         ring = analysis.rolls(self.result, name)
         log = any(len(mark.x) for mark in marks)
@@ -366,11 +359,7 @@ class Plots:
 
     @_drawn()
     def spectrum(
-        self,
-        axis: str | None = None,
-        *,
-        of: str = "acceleration",
-        start: float | None = None,
+        self, axis: str | None = None, *, of: str = "acceleration", start: float | None = None
     ) -> Panel:
         """Power spectral density of the tool's vibration; see `analysis.spectrum`.
 

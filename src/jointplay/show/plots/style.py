@@ -166,13 +166,12 @@ class Decades(LogFormatterSciNotation):
 _RAISED = str.maketrans("-−0123456789", "⁻⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
-def logarithmic(panel: Axes, axes: str) -> None:
-    """Make the axes ``x``, ``y`` or ``xy`` of a panel logarithmic."""
-    for name in axes:
-        getattr(panel, f"set_{name}scale")("log")
-        axis = getattr(panel, f"{name}axis")
-        axis.set_major_formatter(Decades())
-        axis.set_minor_formatter(Decades(minor_thresholds=(1.0, math.log10(_NEAR))))
+def logarithmic(panel: Axes, name: str) -> None:
+    """Make the axis ``x`` or ``y`` of a panel logarithmic."""
+    getattr(panel, f"set_{name}scale")("log")
+    axis = getattr(panel, f"{name}axis")
+    axis.set_major_formatter(Decades())
+    axis.set_minor_formatter(Decades(minor_thresholds=(1.0, math.log10(_NEAR))))
 
 
 def literal(panel: Axes) -> None:

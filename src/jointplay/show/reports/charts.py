@@ -58,24 +58,20 @@ class Charts:
 
     def __init__(self, times: Sequence[Times]) -> None:
         self._times, self._packer = times, Packer()
-        self._known: dict[bytes, dict[str, int]] = {}
 
     @property
     def block(self) -> str:
         return base64.b64encode(self._packer.deflated()).decode()
 
-    def _packed(self, values: np.ndarray) -> dict[str, int]:
+    def _packed(self, values: np.ndarray) -> dict[str, Any]:
         """Pack a series as uint32 or float32, and return its place in the block.
 
-        What is packed are differences of consecutive bit patterns, with bytes of equal weight
-        together: smooth histories then compress to a fraction.
+        What is packed are differences of consecutive bit patterns, by which smooth histories
+        compress to a fraction.
         """
         kind = "<u4" if values.dtype.kind == "u" else "<f4"
-        steps = np.diff(np.ascontiguousarray(values, kind).view("<u4"), prepend=np.uint32(0))
-        content = steps.view(np.uint8).reshape(-1, 4).T.tobytes()
-        if content not in self._known:
-            self._known[content] = self._packer.raw(content)
-        return self._known[content]
+        bits = np.ascontiguousarray(values, kind).view("<u4")
+        return self._packer.integers(np.diff(bits, prepend=np.uint32(0)))
 
     def described(self, graph: Graph) -> dict[str, Any]:
         """The description of a graph that `page/report.js` draws."""

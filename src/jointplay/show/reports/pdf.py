@@ -13,7 +13,7 @@ from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.figure import Figure
 from matplotlib.image import imread
 
-from jointplay.show.plots.chart import Chart, Panel, Rule
+from jointplay.show.plots.chart import Chart, Rule, in_rows
 from jointplay.show.plots.draw import draw, draw_panel, key
 from jointplay.show.plots.palette import GREY
 from jointplay.show.plots.style import new_figure, style
@@ -70,8 +70,7 @@ def _chart(graph: Graph, start: float) -> Chart:
     marks = [Rule(0.0, "x", colour=GREY, width=0.0, end=start)] if shaded else []
     panels = [replace(panel, columns=0).with_marks(*marks) for panel in graph.panels]
     across = 1 if graph.stacked else min(len(panels), _COLUMNS)
-    filled: list[Panel | None] = [*panels, *[None] * (-len(panels) % across)]
-    rows = [filled[k : k + across] for k in range(0, len(filled), across)]
+    rows = in_rows(panels, across)
     size = (7.0, 1.3 + 1.6 * len(rows)) if graph.stacked else (4.3 * across, 0.8 + 4.1 * len(rows))
     chart = Chart(rows, size, graph.title, key=_NAMES, key_at="outside lower center")
     return replace(chart, same_x=graph.stacked, same_y="col" if graph.same else False)

@@ -18,7 +18,7 @@ from jointplay.base.units import readable
 from jointplay.physics.geometry import Form, Mode
 from jointplay.show.plots import figures
 from jointplay.show.plots.chart import Axis, Curve, Panel, Rule, Spans
-from jointplay.show.plots.names import MODE_MEANINGS, MODE_TERMS, MODES, robot_of
+from jointplay.show.plots.names import MODE_MEANINGS, MODE_TERMS, MODES, form_name, robot_of
 from jointplay.show.plots.style import style
 from jointplay.show.reports.assumptions import all_assumptions, conditions
 from jointplay.show.reports.cases import Case, Runs
@@ -117,15 +117,11 @@ def _heaviest(runs: Runs) -> Iterator[Part]:
     # while its middle stays inside the clearance.
     orbits = [panel for pair in shown for panel in pair[: 2 if len(shown) == 1 else 1] if panel]
     carries = ", which carries most" if len({j for _, j in runs.places}) > 1 else ""
-    overlaid = figures.overlaid(
-        runs.detailed[case.label]
-        .plot.panel("forces", "total", joint)
-        .styled(colour=case.colour, width=0.8, name=case.label)
-        for case in cases
-    ).renamed("contact force")
+    items = [(case.label, runs.detailed[case.label], case.colour) for case in cases]
+    force = figures.over(items, "forces", "total", joint).styled(width=0.8).renamed("contact force")
     title = f"Centre in the bearing of {joint}{carries}, with its clearance"
     yield from _graph(runs, "first_orbit", title, orbits)
-    yield from _graph(runs, "first_force", f"Contact force in {joint}{carries}", [overlaid])
+    yield from _graph(runs, "first_force", f"Contact force in {joint}{carries}", [force])
 
 
 def _assumed(runs: Runs) -> Iterator[Part]:
@@ -424,9 +420,7 @@ def _shares(runs: Runs) -> Iterator[Part]:
     """Tables of the share of time in each contact mode, and in each form that occurred."""
     sliding = [place for place in runs.places if not analysis.rolls(place[0].result, place[1])]
     modes = {mode.name.lower(): name for mode, name in zip(Mode, MODES, strict=True)}
-    forms = {form.name.lower(): form.name.lower().replace("_", " ") for form in Form}
-    forms = {form.name.lower(): f"{form.letter}: {forms[form.name.lower()]}" for form in Form}
-    forms["none"] = "no contact"
+    forms = {form.name.lower(): form_name(form) for form in Form} | {"none": "no contact"}
     for kind, members in (("mode", modes), ("form", forms)) if sliding else ():
         shares = [analysis.time_fractions(c.result, j, kind, runs.start) for c, j in sliding]
         occurred = [k for k in members if kind == "mode" or any(s.get(k, 0.0) for s in shares)]

@@ -326,7 +326,7 @@ class Live {
 
     readCharts(head, block) {
         const bytes = block.slice(), {error, energy, joints} = head.charts;
-        const read = place => new Float32Array(bytes.buffer, bytes.byteOffset + place.at, place.count);
+        const read = place => new Float32Array(bytes.buffer, bytes.byteOffset + place.at, place.bytes / 4);
         for (const chart of [error, energy, ...Object.values(joints).flatMap(Object.values)])
             for (const mark of chart?.marks || []) Object.assign(mark, {x: read(mark.x), y: read(mark.y)});
     }
@@ -650,9 +650,7 @@ class Live {
     async save() {
         try {
             const text = await this.server.scenario(this.changed());
-            const link = element("a", {href: URL.createObjectURL(new Blob([text], {type: "application/toml"})), download: "live.toml"});
-            link.click();
-            setTimeout(() => URL.revokeObjectURL(link.href), 1000);
+            download(new Blob([text], {type: "application/toml"}), "live.toml");
             this.say("saved as live.toml: jointplay run live.toml --out DIR");
         } catch (error) {
             this.say(error.message, true);

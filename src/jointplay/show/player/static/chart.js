@@ -206,8 +206,6 @@ class Chart {
         const all = height + 16 * this.key.children.length + 8;
         for (const [name, value] of Object.entries({xmlns: SVG, width, height: all, viewBox: `0 0 ${width} ${all}`})) copy.setAttribute(name, value);
         copy.prepend(shape("rect", {width: "100%", height: "100%", fill: look.backgroundColor}));
-        const url = URL.createObjectURL(new Blob([new XMLSerializer().serializeToString(copy)], {type: "image/svg+xml"}));
-        element("a", {href: url, download: `${title}.svg`}).click();
-        setTimeout(() => URL.revokeObjectURL(url), 1000);
+        download(new Blob([new XMLSerializer().serializeToString(copy)], {type: "image/svg+xml"}), `${title}.svg`);
     }
 }

@@ -11,11 +11,12 @@ function lineOf(points, colour, opacity = 1) {
         new THREE.LineBasicMaterial({color: colour, transparent: opacity < 1, opacity}));
 }
 
-function circleAt(z, radius = 1) {
+// Ends of the lines of an arc about z, from +x on, by default of a circle.
+function arcAt(z, radius = 1, whole = 2 * Math.PI, steps = 96) {
     const points = [];
-    for (let i = 0; i < 96; i++) {
+    for (let i = 0; i < steps; i++) {
         for (const k of [i, i + 1]) {
-            const angle = 2 * Math.PI * k / 96;
+            const angle = whole * k / steps;
             points.push([radius * Math.cos(angle), radius * Math.sin(angle), z]);
         }
     }
@@ -81,8 +82,8 @@ function bearingOf({form, walls}) {
     } else if (form === "ball") {
         for (const radius of [1, SHELL]) add(new THREE.SphereGeometry(radius, 64, 32, Math.PI, Math.PI).rotateX(Math.PI / 2));
         add(new THREE.RingGeometry(1, SHELL, 64).rotateX(Math.PI / 2));
-        const upright = circleAt(0).map(([x, y]) => [x, 0, y]);
-        group.add(lineOf([...circleAt(0), ...upright], dark, 0.8));
+        const upright = arcAt(0).map(([x, y]) => [x, 0, y]);
+        group.add(lineOf([...arcAt(0), ...upright], dark, 0.8));
     } else {
         for (const radius of [1, SHELL]) {
             add(new THREE.CylinderGeometry(radius, radius, 2, 64, 1, true, Math.PI / 2, Math.PI)
@@ -93,7 +94,7 @@ function bearingOf({form, walls}) {
             const middle = side * (1 + SHELL) / 2;
             add(new THREE.PlaneGeometry(SHELL - 1, 2).rotateX(Math.PI / 2).translate(middle, 0, 0));
         }
-        group.add(lineOf([...circleAt(1), ...circleAt(-1),
+        group.add(lineOf([...arcAt(1), ...arcAt(-1),
             [1, 0, -1], [1, 0, 1], [-1, 0, -1], [-1, 0, 1]], dark, 0.8));
     }
     const axis = [];

@@ -15,6 +15,13 @@ function inUnits(value, unit, digits = 3) {
     return `${Number((value / step).toPrecision(digits))} ${prefix}${unit}`;
 }
 
+// Offer content (a blob) as a file.
+function download(content, name) {
+    const link = element("a", {href: URL.createObjectURL(content), download: name});
+    link.click();
+    setTimeout(() => URL.revokeObjectURL(link.href), 1000);
+}
+
 // An element with attributes and children; strings become text nodes, never HTML.
 function element(tag, attributes = {}, ...children) {
     const node = document.createElement(tag);

@@ -408,12 +408,10 @@ class Player {
 
     // Show time t, and forces as the largest since the time `held`.
     show(t, held = t) {
-        const began = performance.now();
         this.t = t;
         for (const c of this.cases) c.update(Math.min(t, c.entry.end), Math.min(held, c.entry.end), this.view);
         for (const c of this.shownCloseups()) c.update(this.view);
         this.showError();
-        this.updateSeconds = (performance.now() - began) / 1000;
         this.showTime();
         this.dirty();
     }
@@ -607,17 +605,11 @@ class Player {
 
     // ---- pictures and films --------------------------------------------------------------------
 
-    save(blob, name) {
-        const link = element("a", {href: URL.createObjectURL(blob), download: name});
-        link.click();
-        setTimeout(() => URL.revokeObjectURL(link.href), 1000);
-    }
-
     canvas() { return this.viewer.renderer.domElement; }
 
     keepPicture() {
         this.render();  // in this task: after it the drawing buffer is empty
-        this.canvas().toBlob(blob => this.save(blob, `${document.title}.png`), "image/png");
+        this.canvas().toBlob(blob => download(blob, `${document.title}.png`), "image/png");
     }
 
     keepFilm() {
@@ -629,7 +621,7 @@ class Player {
             this.recorder = null;
             $("film").textContent = "film";
             this.setPlaying(false);
-            this.save(new Blob(chunks, {type: "video/webm"}), `${document.title}.webm`);
+            download(new Blob(chunks, {type: "video/webm"}), `${document.title}.webm`);
         };
         this.recorder = recorder;
         $("film").textContent = "stop the film";

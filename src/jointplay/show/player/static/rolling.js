@@ -100,12 +100,8 @@ class RollingCloseUp extends CloseUp {
             }
             // Lines along the ring's corners.
             for (const k of [0, 1, section.length - 3, section.length - 2]) {
-                for (let i = 0; i < 64; i++) {
-                    for (const j of [i, i + 1]) {
-                        const angle = Math.PI * j / 64, [r, z] = section[k];
-                        lines.push([r * Math.cos(angle), r * Math.sin(angle), z]);
-                    }
-                }
+                const [r, z] = section[k];
+                lines.push(...arcAt(z, r, Math.PI, 64));
             }
             this.bearing.add(lineOf(lines, 0x37474f, 0.7));
             this.journal.add(new THREE.Mesh(twoTone(ringOf(sectionOf(e, row, false, M), false), false), steel));
@@ -134,10 +130,7 @@ class RollingCloseUp extends CloseUp {
     get reach() { return this.elements.diameter; }
 
     // Load of element k now [N].
-    loadNow(k) {
-        const {values, columns} = this.joint.loads, {a, b, share} = this.owner.place;
-        return values[a * columns + k] * (1 - share) + values[b * columns + k] * share;
-    }
+    loadNow(k) { return valueAt(this.joint.loads, this.owner.place, k); }
 
     loadedNow() {
         let loaded = 0;
@@ -148,8 +141,7 @@ class RollingCloseUp extends CloseUp {
     moveBodies(view) {
         const {elements: e, joint, owner} = this, M = view.magnification, c = CloseUp, r = RollingCloseUp;
         if (this.made !== M) this.makeRings(M);
-        const cage = joint.cage.values, {a, b, share} = owner.place;
-        const turn = cage[a] * (1 - share) + cage[b] * share, scale = this.perNewton(view);
+        const turn = valueAt(joint.cage, owner.place, 0), scale = this.perNewton(view);
         e.rows.forEach(([h, y], row) => {
             for (let i = 0; i < e.count; i++) {
                 const k = row * e.count + i, angle = turn + 2 * Math.PI * i / e.count;

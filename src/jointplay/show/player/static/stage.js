@@ -201,9 +201,8 @@ class Case {
 
     // The static error set at time t: six entries of its matrix, worst case and RMS [m].
     errorAt(t) {
-        const {time, set} = this.error, {a, b, share} = between(time, t);
-        return Array.from({length: set.columns}, (_, k) =>
-            set.values[a * set.columns + k] * (1 - share) + set.values[b * set.columns + k] * share);
+        const {time, set} = this.error, place = between(time, t);
+        return Array.from({length: set.columns}, (_, k) => valueAt(set, place, k));
     }
 
     updateError(t, view) {

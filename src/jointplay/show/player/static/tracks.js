@@ -7,17 +7,22 @@ async function inflate(block) {
     return new Uint8Array(await new Response(stream).arrayBuffer());
 }
 
+// The numbers of 32 bits that Packer.integers in tracks.py packed, bytes of equal weight together.
+function integers(block, at, count) {
+    const numbers = new Uint32Array(count);
+    for (let k = 0; k < 4; k++)
+        for (let i = 0; i < count; i++) numbers[i] += block[at + k * count + i] * 2 ** (8 * k);
+    return numbers;
+}
+
 // Table (rows x columns, row by row) that Packer.table in tracks.py packed.
 function unpack(block, entry, type = Float32Array) {
     const {rows, columns, quantum} = entry;
-    const size = rows * columns;
-    const planes = [0, 1, 2, 3].map(k => block.subarray(entry.at + k * size, entry.at + (k + 1) * size));
-    const values = new type(size);
+    const zigzags = integers(block, entry.at, rows * columns), values = new type(zigzags.length);
     for (let c = 0, at = 0; c < columns; c++) {
         let whole = 0;
         for (let r = 0; r < rows; r++, at++) {
-            const zigzag = planes[0][at] + planes[1][at] * 2 ** 8 + planes[2][at] * 2 ** 16
-                + planes[3][at] * 2 ** 24;
+            const zigzag = zigzags[at];
             whole += zigzag % 2 ? -(zigzag + 1) / 2 : zigzag / 2;
             values[r * columns + c] = whole * quantum;
         }
@@ -27,14 +32,9 @@ function unpack(block, entry, type = Float32Array) {
 
 // Points' numbers (three a triangle) that Packer.mesh in tracks.py packed.
 function unpackMesh(block, {at, numbers}) {
-    const planes = [0, 1, 2, 3].map(k => block.subarray(at + k * numbers, at + (k + 1) * numbers));
-    const corners = new Uint32Array(numbers);
-    for (let i = 0, fresh = 0; i < numbers; i++) {
-        const behind = planes[0][i] + planes[1][i] * 2 ** 8 + planes[2][i] * 2 ** 16 + planes[3][i] * 2 ** 24;
-        corners[i] = fresh - behind;
-        if (!behind) fresh++;
-    }
-    return corners;
+    const behind = integers(block, at, numbers);
+    let fresh = 0;
+    return behind.map(distance => distance ? fresh - distance : fresh++);
 }
 
 // The first row whose time is not before t, or the last row.
@@ -54,23 +54,21 @@ function between(time, t) {
     return {a, b, share: span > 0 ? Math.min(Math.max((t - time[a]) / span, 0), 1) : 1};
 }
 
+// A column of a table, interpolated.
+function valueAt({values, columns}, {a, b, share}, column) {
+    const before = values[a * columns + column];
+    return before + share * (values[b * columns + column] - before);
+}
+
 // Columns [from, from + 3) of a table, interpolated.
 function vectorAt(table, place, from, out) {
-    const {values, columns} = table;
-    const a = place.a * columns + from, b = place.b * columns + from, s = place.share;
-    return out.set(values[a] + s * (values[b] - values[a]),
-        values[a + 1] + s * (values[b + 1] - values[a + 1]),
-        values[a + 2] + s * (values[b + 2] - values[a + 2]));
+    return out.set(valueAt(table, place, from), valueAt(table, place, from + 1), valueAt(table, place, from + 2));
 }
 
 // Columns [from, from + 4) of a table as a unit quaternion, interpolated.
 function turnAt(table, place, from, out) {
-    const {values, columns} = table;
-    const a = place.a * columns + from, b = place.b * columns + from, s = place.share;
-    return out.set(values[a] + s * (values[b] - values[a]),
-        values[a + 1] + s * (values[b + 1] - values[a + 1]),
-        values[a + 2] + s * (values[b + 2] - values[a + 2]),
-        values[a + 3] + s * (values[b + 3] - values[a + 3])).normalize();
+    return out.set(valueAt(table, place, from), valueAt(table, place, from + 1),
+        valueAt(table, place, from + 2), valueAt(table, place, from + 3)).normalize();
 }
 
 // Norms of the vectors in a table of n rows with m vectors each, n m of them.

@@ -6,17 +6,14 @@
   const state = { range: null, whole: false };
   window.jointplayReport = state;
 
-  // A series as charts.py packed it: differences of bit patterns, bytes of equal weight together.
+  // A series as charts.py packed it: differences of bit patterns.
   let block = null;
   const cache = new Map();
   function series({ at, bytes }, kind = Float32Array) {
     const key = `${at} ${bytes}`; // an empty one begins where the next does
     if (!cache.has(key)) {
-      const n = bytes / 4, bits = new Uint32Array(n);
-      for (let i = 0, value = 0; i < n; i++) {
-        for (let k = 0; k < 4; k++) value += block[at + k * n + i] * 256 ** k;
-        bits[i] = value >>>= 0;
-      }
+      const bits = integers(block, at, bytes / 4);
+      for (let i = 1; i < bits.length; i++) bits[i] += bits[i - 1]; // modulo 2^32
       cache.set(key, new kind(bits.buffer));
     }
     return cache.get(key);
