@@ -511,7 +511,7 @@ def test_a_target_that_is_met_already_costs_nothing(arm):
     assert found.total == 0.0
     assert found.parts == {}
     assert set(found.column("held")) <= {"as is", "kept"}
-    assert "within the target already, nothing is spent" in str(found)
+    assert "already within the target, so nothing is spent" in str(found)
 
 
 @pytest.mark.parametrize(

@@ -110,7 +110,7 @@ def test_friction_of_a_joint_that_stands_leaves_its_side_open(level):
 def test_torques_that_cease_at_once_do_not_change_sides():
     torque = np.array([[5.0, 5.0, -0.1, 5.0, -5.0, -5.0]]).T
     fall = np.abs(torque) / 10.0  # parts of the play in a node's time squared
-    side, undecided = module._sides(torque, np.zeros_like(torque), fall)
+    side, undecided = module._sides(torque, np.zeros_like(torque), fall, 0.0)
     assert side[:, 0].tolist() == [1, 1, 1, 1, -1, -1]
     assert undecided[:, 0].tolist() == [False, False, True, False, False, False]
 

@@ -359,7 +359,7 @@ WRITERS = re.compile(
 """Calls that can write, or delete, a file."""
 
 ELSEWHERE = {
-    "in memory": "bridges/notebook bridges/table show/plots/style "
+    "in memory": "bridges/table show/plots/style "
     "show/reports/template show/reports/pdf simulation/result/netcdf simulation/checkpoint "
     "simulation/result/result show/reports/runs",
     "text, or standard output": "bridges/trajectory cli/commands/check base/streams",

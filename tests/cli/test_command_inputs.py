@@ -143,7 +143,7 @@ def test_a_file_counts_more_than_a_preset_and_options_more_than_both():
         (["study", "wear"], 'joints.NAME.wear_rate="1e-5 mm^3/(N*m)"'),
         (["study", "wear"], '--set joints.NAME.radial_clearance="0.05 mm"'),
         (["export", "simulator"], "--tilt let the axes tilt"),
-        (["budget"], "radial clearance of these joints, or of all that move the tool [m]"),
+        (["budget"], "radial clearance of the joints of --joint, or of all that move the tool"),
     ],
 )
 def test_the_short_help_says_what_is_needed(command, says, capsys):

@@ -146,7 +146,7 @@ def test_a_servo_of_a_slide_hangs_by_its_dead_band_and_its_gain(lift):
     assert ends["x.motor"] == pytest.approx(-sag, abs=1e-8)
     assert ends["x"] == pytest.approx(-sag - NUT.play / 2 - MASS * G / NUT.stiffness, abs=1e-8)
     own = jp.loads.Servo.of("STS3215", voltage=7.4, p_gain=38.6)
-    with pytest.raises(jp.JointplayError, match="joint 'x' slides, and STS3215 of the catalogue"):
+    with pytest.raises(jp.JointplayError, match="joint 'x' slides, but the servo STS3215 turns"):
         jp.simulate(lift, motion, drive={"x": own}, **QUIET)
 
 

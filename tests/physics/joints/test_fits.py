@@ -16,6 +16,7 @@ from jointplay.base.errors import JointplayError
 from jointplay.cli import main
 from jointplay.physics.joints.fits import PREFERRED, Fit, is_fit, letters, limits
 from jointplay.study import plan_of
+from jointplay.study.sweep_plan import Cases
 
 UM = 1e-6
 
@@ -316,7 +317,7 @@ def test_a_sweep_draws_from_a_fit(tmp_path):
         encoding="utf-8",
     )
     made = plan_of(jp.Scenario.load(file))
-    for index in made.cases:
+    for index in Cases(made):
         joint = made.scenario.simulation(made.case, made.changes(index)).mechanism.clearance[
             "joint_b"
         ]
