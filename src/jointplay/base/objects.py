@@ -32,6 +32,9 @@ from jointplay.base.files import temporary
 FOLDER = "objects"
 """Folder of the package for objects that came with it or were compiled where it lies."""
 
+ENTRY = "jointplay_entry"
+"""Symbol of the function through which an object is entered."""
+
 NO_PLACE = (
     "compiled code cannot be kept, so every start compiles anew (half a minute or more): neither "
     "the package's folder nor the user's cache can be written to by this user alone; name a folder "
@@ -67,7 +70,6 @@ class Head:
     """Features that the processor must have."""
     returns: str
     """Types of the results, a letter each."""
-    symbol: str = "jointplay_entry"
 
 
 class Unresolved(Exception):
@@ -183,7 +185,7 @@ def loaded(function: str, kinds: str, fingerprint: str) -> tuple[int, str] | Non
     """Load the first object that the linker takes: its address, and its return types."""
     for head, code in find(function, kinds, fingerprint):
         with suppress(RuntimeError):
-            return load(code, head.symbol), head.returns
+            return load(code), head.returns
     return None
 
 
@@ -290,11 +292,11 @@ def _linker() -> Any:
     return binding.create_lljit_compiler(use_jit_link=True)
 
 
-def load(code: bytes, symbol: str) -> int:
+def load(code: bytes) -> int:
     """Load an object into this process; returns the address of its function."""
     from llvmlite import binding
 
     library = binding.JITLibraryBuilder().add_object_img(code).add_current_process()
-    address = library.export_symbol(symbol).link(_linker(), f"jointplay_{len(_loaded)}")
+    address = library.export_symbol(ENTRY).link(_linker(), f"jointplay_{len(_loaded)}")
     _loaded.append(address)
-    return int(address[symbol])
+    return int(address[ENTRY])
