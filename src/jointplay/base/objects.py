@@ -15,7 +15,6 @@ import os
 import platform
 import stat
 import sys
-import time
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -44,9 +43,6 @@ NO_PLACE = (
 
 _PACKAGE = Path(__file__).parents[1]
 _HASH_BYTES = hashlib.sha256().digest_size
-_LOOK_S = 0.05
-"""Interval at which a waiting process tries to get the lock [s]."""
-
 _TELLS_S = 60.0
 """Wait after which the user is told of it [s]: twice the usual time to compile."""
 
@@ -255,24 +251,11 @@ def alone() -> Iterator[None]:
     except OSError:
         yield
         return
-    began, reported = time.monotonic(), False
     try:
-        while (waited := time.monotonic() - began) < _MOST_WAIT_S:
-            try:
-                locks.lock(descriptor)
-            except BlockingIOError:
-                if waited > _TELLS_S and not reported:
-                    signals.say(
-                        f"waiting for another process, which compiles for {str(folder())!r}"
-                    )
-                    reported = True
-                time.sleep(_LOOK_S)
-                continue
-            except OSError:  # a file system without locks
-                pass
-            break
-        else:
-            signals.say("the other process does not end: compiling without waiting for it")
+        if not locks.acquired(descriptor, _TELLS_S):
+            signals.say(f"waiting for another process, which compiles for {str(folder())!r}")
+            if not locks.acquired(descriptor, _MOST_WAIT_S - _TELLS_S):
+                signals.say("the other process does not end: compiling without waiting for it")
         yield
     finally:
         os.close(descriptor)
