@@ -26,8 +26,6 @@ import numpy as np
 
 from jointplay.base import objects, progress, streams
 
-_PACKAGE = Path(__file__).parents[1]
-
 
 def _on(name: str) -> bool:
     """Whether one of numba's settings is on; does not import numba."""
@@ -276,7 +274,7 @@ class Compiled:
 
 
 def _parts() -> list[Path]:
-    physics = _PACKAGE / "physics"
+    physics = Path(__file__).parents[1] / "physics"
     return [physics, *(physics / name for name in ("kernel", "geometry", "contact", "joints"))]
 
 
