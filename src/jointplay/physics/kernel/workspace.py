@@ -68,7 +68,6 @@ class Workspace:
         record: recorded states, one row each.
         fields: columns of each recorded quantity, by name.
         middle: q and v in the middle of the macro step that is planned, each of shape (nv,).
-        inverse_mass: Pinocchio's inverse mass matrix, its upper triangle, shape (nv, nv).
     """
 
     def __init__(
@@ -123,7 +122,7 @@ class Workspace:
         path = self._arrays["path"]
         self.middle = (path[layout.MIDDLE], path[layout.MIDDLE_SPEED])
         # The kernels read Pinocchio's results in place.
-        self.inverse_mass = self._point("found_minv", data.Minv)
+        self._point("found_minv", data.Minv)
         self._point("found_free", data.ddq)
         self._point("world_jacobian", data.J)
         self.acceleration = self._allocate("a") if own_acceleration else self._point("a", data.ddq)
@@ -536,11 +535,6 @@ class Workspace:
     def time(self) -> float:
         """Time of the current state [s]."""
         return self._time.item()
-
-    @property
-    def failed(self) -> bool:
-        """Whether something has stopped the run."""
-        return self._status.item() != 0
 
     @property
     def status(self) -> Status:
