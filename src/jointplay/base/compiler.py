@@ -26,8 +26,6 @@ import numpy as np
 
 from jointplay.base import objects, progress, streams
 
-_PACKAGE = Path(__file__).parents[1]
-
 
 def _on(name: str) -> bool:
     """Whether one of numba's settings is on; does not import numba."""
@@ -229,7 +227,7 @@ class Compiled:
                 wanted = targets or [objects.host()]
                 built = [self._prepare(signature, target)() for target in wanted]
             head, code = built[0]
-            return objects.load(code, head.symbol), head.returns
+            return objects.load(code), head.returns
 
     def _loaded(self, signature: str) -> tuple[int, str] | None:
         fingerprint = self._fingerprint()
@@ -276,7 +274,7 @@ class Compiled:
 
 
 def _parts() -> list[Path]:
-    physics = _PACKAGE / "physics"
+    physics = Path(__file__).parents[1] / "physics"
     return [physics, *(physics / name for name in ("kernel", "geometry", "contact", "joints"))]
 
 
@@ -334,7 +332,10 @@ reordered = compiled(fastmath={"reassoc"})
 
 
 class Lazy:
-    """A function of `intrinsics` for compiled code, made when something is compiled."""
+    """An intrinsic for compiled code, made by `intrinsics` when something is compiled.
+
+    Without arguments it is the one of that name, else what the function of that name makes.
+    """
 
     def __init__(self, name: str, *arguments: Any) -> None:
         self._name, self._arguments = name, arguments
@@ -345,7 +346,8 @@ class Lazy:
         """numba's intrinsic."""
         from jointplay.base import intrinsics
 
-        return getattr(intrinsics, self._name)(*self._arguments)
+        made = getattr(intrinsics, self._name)
+        return made(*self._arguments) if self._arguments else made
 
     def __call__(self, *arguments: Any) -> Any:
         """Call the intrinsic, for type checkers: only compiled code can."""

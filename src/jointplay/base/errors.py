@@ -218,7 +218,9 @@ def require_whole(
     integral = isinstance(value, Integral) and not isinstance(value, bool)
     number = int(value) if integral else least - 1  # type: ignore[call-overload]
     if number < least or (most is not None and number > most):
-        room = f">= {least}" if most is None else f"from {least} to {_short(most)}"
+        room = f">= {least}"
+        if most is not None:  # 1e+12 rather than all its digits
+            room = f"from {least} to {most if most < 10**7 else f'{most:.3g}'}"
         message = f"{name} must be a whole number {room}, got {value!r:.60}"
         raise JointplayError(message, where)
     return number
@@ -230,11 +232,6 @@ def require_share(name: str, value: float, where: Where = ()) -> float:
     if not 0.0 < value < 1.0:
         raise JointplayError(f"{name} must lie between 0 and 1, got {value:g}", where)
     return value
-
-
-def _short(number: int) -> str:
-    """Format a limit: 1e+12 rather than all its digits."""
-    return str(number) if number < 10**7 else f"{number:.3g}"
 
 
 def require_numbers(name: str, values: Any, where: Where = ()) -> np.ndarray:
@@ -260,11 +257,11 @@ def require_numbers(name: str, values: Any, where: Where = ()) -> np.ndarray:
 
 def require_names(name: str, values: object, noun: str, where: Where = ()) -> tuple[str, ...]:
     """Return a list of names as a tuple, else raise; a single text is refused."""
-    text = isinstance(values, str | bytes)
-    names = () if text or not isinstance(values, Iterable) else tuple(values)
-    if text or not isinstance(values, Iterable) or not all(isinstance(n, str) for n in names):
-        raise JointplayError(f"{name} must be a list of {noun}, got {values!r:.60}", where)
-    return tuple(map(str, names))
+    if isinstance(values, Iterable) and not isinstance(values, str | bytes):
+        names = tuple(values)
+        if all(isinstance(n, str) for n in names):
+            return tuple(map(str, names))
+    raise JointplayError(f"{name} must be a list of {noun}, got {values!r:.60}", where)
 
 
 def require_table(name: str, values: Any, form: str, where: Where = ()) -> dict[Any, Any]:

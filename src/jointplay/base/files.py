@@ -492,18 +492,10 @@ def _lock(folder: Path) -> None:
     with ExitStack() as stack:
         descriptor = locks.opened(folder)
         stack.callback(os.close, descriptor)
-        until = time.monotonic() + ENDING_S
-        while True:
-            try:
-                locks.lock(descriptor)
-                break
-            except BlockingIOError:
-                if time.monotonic() > until:
-                    text = f"another process is writing to {str(folder)!r}; choose another folder"
-                    raise JointplayError(text) from None
-                time.sleep(0.02)
-            except OSError:  # a file system that locks no folders
-                return
+        if not locks.acquired(descriptor, ENDING_S):
+            raise JointplayError(
+                f"another process is writing to {str(folder)!r}; choose another folder"
+            )
         stack.pop_all()
         _claimed[place] = descriptor
 

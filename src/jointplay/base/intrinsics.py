@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 from llvmlite import ir
-from numba import carray as array_at
+from numba import carray as carray  # one of these intrinsics, too
 from numba import from_dtype, types
 from numba.core.typing.templates import AttributeTemplate
 from numba.extending import infer_getattr, intrinsic, lower_getattr
@@ -30,11 +30,6 @@ def numba_signature(signature: str) -> Any:
     return numba_type(signature[0])(*map(numba_type, objects.flat(signature)))
 
 
-def carray() -> Any:
-    """See `compiler.carray`."""
-    return array_at
-
-
 def pointer_to(dtype: Any) -> Any:
     """See `compiler.pointer_to`."""
     element = from_dtype(np.dtype(dtype))
@@ -52,13 +47,9 @@ def pointer_to(dtype: Any) -> Any:
 NUMBERS = types.CPointer(types.float64)
 
 
-def place_of() -> Any:
-    """See `compiler.place_of`."""
-    return _place_of
-
-
 @intrinsic
-def _place_of(typingctx: Any, record: Any) -> Any:
+def place_of(typingctx: Any, record: Any) -> Any:
+    """See `compiler.place_of`."""
 
     def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         return builder.ptrtoint(args[0], context.get_value_type(types.int64))
@@ -66,13 +57,9 @@ def _place_of(typingctx: Any, record: Any) -> Any:
     return types.int64(record), codegen
 
 
-def address_of() -> Any:
-    """See `compiler.address_of`."""
-    return _address_of
-
-
 @intrinsic
-def _address_of(typingctx: Any, array: Any) -> Any:
+def address_of(typingctx: Any, array: Any) -> Any:
+    """See `compiler.address_of`."""
 
     def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         value = context.make_array(signature.args[0])(context, builder, args[0])
@@ -121,34 +108,40 @@ def _opening(
             if field is not None:
                 size = builder.mul(size, integer(builder, value, field))
             sizes.append(size)
-        item = stride = ir.Constant(
-            word, context.get_abi_sizeof(context.get_data_type(array.dtype))
-        )
-        strides: list[Any] = []
-        for size in reversed(sizes):
-            strides.insert(0, stride)
-            stride = builder.mul(stride, size)
-        count = sizes[0]
-        for size in sizes[1:]:
-            count = builder.mul(count, size)
-        tuples = types.UniTuple(types.intp, len(sizes))
-        pointer = context.get_value_type(types.CPointer(array.dtype))
-        parts = {
-            "meminfo": context.get_constant_null(types.MemInfoPointer(types.voidptr)),
-            "parent": context.get_constant_null(types.pyobject),
-            "nitems": count,
-            "itemsize": item,
-            "data": builder.inttoptr(integer(builder, value, name), pointer),
-            "shape": context.make_tuple(builder, tuples, sizes),
-            "strides": context.make_tuple(builder, tuples, strides),
-        }
-        model = context.data_model_manager[array]
-        opened = ir.Constant(model.get_value_type(), ir.Undefined)
-        for part, content in parts.items():
-            opened = builder.insert_value(opened, content, model.get_field_position(part))
-        return opened
+        return array_value(context, builder, array, integer(builder, value, name), sizes)
 
     return lowered
+
+
+def array_value(
+    context: Any, builder: Any, kind: Any, address: Any, shape: list[Any], strides: Any = ()
+) -> Any:
+    """Emit the value of an array at an address; it is contiguous unless `strides` are given."""
+    word = context.get_value_type(types.intp)
+    item = stride = ir.Constant(word, context.get_abi_sizeof(context.get_data_type(kind.dtype)))
+    count = ir.Constant(word, 1)
+    for size in shape:
+        count = builder.mul(count, size)
+    if not strides:
+        for size in reversed(shape):
+            strides = [stride, *strides]
+            stride = builder.mul(stride, size)
+    tuples = types.UniTuple(types.intp, len(shape))
+    pointer = context.get_value_type(types.CPointer(kind.dtype))
+    parts = {
+        "meminfo": context.get_constant_null(types.MemInfoPointer(types.voidptr)),
+        "parent": context.get_constant_null(types.pyobject),
+        "nitems": count,
+        "itemsize": item,
+        "data": builder.inttoptr(address, pointer),
+        "shape": context.make_tuple(builder, tuples, shape),
+        "strides": context.make_tuple(builder, tuples, strides),
+    }
+    model = context.data_model_manager[kind]
+    array = ir.Constant(model.get_value_type(), ir.Undefined)
+    for part, content in parts.items():
+        array = builder.insert_value(array, content, model.get_field_position(part))
+    return array
 
 
 def calling(letters: str) -> Any:

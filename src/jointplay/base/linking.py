@@ -30,8 +30,8 @@ from numba.core.registry import cpu_target
 from numba.core.typing.templates import CallableTemplate
 from numba.extending import lower_builtin
 
-from jointplay.base.intrinsics import numba_type
-from jointplay.base.objects import Target, Unresolved
+from jointplay.base.intrinsics import array_value, numba_type
+from jointplay.base.objects import ENTRY, Target, Unresolved
 
 __all__ = ["Part", "build"]
 
@@ -129,10 +129,6 @@ def _library(name: str) -> Any:
     return library
 
 
-_ENTRY = "jointplay_entry"
-"""Symbol of the function through which an object is entered."""
-
-
 def build(part: Part, signature: str, target: Target) -> tuple[Callable[[], bytes], str]:
     """Type, lower and link a function with everything that it calls.
 
@@ -152,14 +148,14 @@ def build(part: Part, signature: str, target: Target) -> tuple[Callable[[], byte
         kinds = tuple(_types(signature))
         code = part.lowered(kinds)
         context = cpu_target.target_context
-        module = ir.Module(_ENTRY)
+        module = ir.Module(ENTRY)
         returns = _enter(context, module, code, kinds, signature[0])
         linked = _linked(binding.parse_assembly(cgutils.normalize_ir_text(str(module))))
         _add_runtime(linked)
     machine = _machine(target)
     linked.triple, linked.data_layout = target.triple, str(machine.target_data)
     for k, value in enumerate((*linked.functions, *linked.global_variables)):
-        if not value.is_declaration and value.name != _ENTRY:
+        if not value.is_declaration and value.name != ENTRY:
             # numba's names count what it has compiled before; these make objects reproducible.
             value.linkage, value.name = "internal", f"part_{k}"
 
@@ -312,29 +308,17 @@ def _enter(context: Any, module: Any, lowered: Any, kinds: tuple[Any, ...], answ
     else:
         native = letters.get(returned, (word, "i"))[0] if answer != "v" else ir.VoidType()
         kind = ir.FunctionType(native, parameters)
-    function = ir.Function(module, kind, _ENTRY)
+    function = ir.Function(module, kind, ENTRY)
     builder = ir.IRBuilder(function.append_basic_block("entry"))
     remaining = list(function.args)
     room = remaining.pop(0) if answer == "(" else None
 
     def value(kind: Any) -> Any:
         if isinstance(kind, types.Array):
-            array = context.make_array(kind)(context, builder)
-            pointer = context.get_value_type(types.CPointer(kind.dtype))
-            data = builder.inttoptr(remaining.pop(0), pointer)
+            data = remaining.pop(0)
             shape = [remaining.pop(0) for _ in range(kind.ndim)]
             strides = [remaining.pop(0) for _ in range(kind.ndim)]
-            count = word(1)
-            for size in shape:
-                count = builder.mul(count, size)
-            array.data, array.nitems = data, count
-            array.itemsize = word(context.get_abi_sizeof(context.get_data_type(kind.dtype)))
-            pair = types.UniTuple(types.intp, kind.ndim)
-            array.shape = context.make_tuple(builder, pair, shape)
-            array.strides = context.make_tuple(builder, pair, strides)
-            array.meminfo = context.get_constant_null(types.MemInfoPointer(types.voidptr))
-            array.parent = context.get_constant_null(types.pyobject)
-            return array._getvalue()
+            return array_value(context, builder, kind, data, shape, strides)
         if isinstance(kind, types.BaseTuple):
             return context.make_tuple(builder, kind, [value(inner) for inner in kind.types])
         return remaining.pop(0)

@@ -3,12 +3,17 @@
 import errno
 import os
 import tempfile
+import time
 from pathlib import Path
 
 try:
     import fcntl
 except ImportError:  # Windows
     fcntl = None  # type: ignore[assignment]
+
+
+_LOOK_S = 0.02
+"""Interval at which a waiting process tries to get a lock [s]."""
 
 
 def lock(descriptor: int) -> None:
@@ -27,6 +32,25 @@ def lock(descriptor: int) -> None:
         msvcrt.locking(descriptor, msvcrt.LK_NBLCK, 1)  # type: ignore[attr-defined]
     except PermissionError as error:
         raise BlockingIOError(errno.EAGAIN, "another process holds the lock") from error
+
+
+def acquired(descriptor: int, within_s: float) -> bool:
+    """Lock an open file as soon as it is free; False if it is not within a time [s].
+
+    On a file system without locks there is nothing to wait for.
+    """
+    until = time.monotonic() + within_s
+    while True:
+        try:
+            lock(descriptor)
+        except BlockingIOError:
+            if time.monotonic() > until:
+                return False
+            time.sleep(_LOOK_S)
+            continue
+        except OSError:  # no locks
+            pass
+        return True
 
 
 def opened(folder: Path) -> int:

@@ -15,7 +15,6 @@ import os
 import platform
 import stat
 import sys
-import time
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -32,6 +31,9 @@ from jointplay.base.files import temporary
 FOLDER = "objects"
 """Folder of the package for objects that came with it or were compiled where it lies."""
 
+ENTRY = "jointplay_entry"
+"""Symbol of the function through which an object is entered."""
+
 NO_PLACE = (
     "compiled code cannot be kept, so every start compiles anew (half a minute or more): neither "
     "the package's folder nor the user's cache can be written to by this user alone; name a folder "
@@ -41,9 +43,6 @@ NO_PLACE = (
 
 _PACKAGE = Path(__file__).parents[1]
 _HASH_BYTES = hashlib.sha256().digest_size
-_LOOK_S = 0.05
-"""Interval at which a waiting process tries to get the lock [s]."""
-
 _TELLS_S = 60.0
 """Wait after which the user is told of it [s]: twice the usual time to compile."""
 
@@ -67,7 +66,6 @@ class Head:
     """Features that the processor must have."""
     returns: str
     """Types of the results, a letter each."""
-    symbol: str = "jointplay_entry"
 
 
 class Unresolved(Exception):
@@ -183,7 +181,7 @@ def loaded(function: str, kinds: str, fingerprint: str) -> tuple[int, str] | Non
     """Load the first object that the linker takes: its address, and its return types."""
     for head, code in find(function, kinds, fingerprint):
         with suppress(RuntimeError):
-            return load(code, head.symbol), head.returns
+            return load(code), head.returns
     return None
 
 
@@ -253,24 +251,11 @@ def alone() -> Iterator[None]:
     except OSError:
         yield
         return
-    began, reported = time.monotonic(), False
     try:
-        while (waited := time.monotonic() - began) < _MOST_WAIT_S:
-            try:
-                locks.lock(descriptor)
-            except BlockingIOError:
-                if waited > _TELLS_S and not reported:
-                    signals.say(
-                        f"waiting for another process, which compiles for {str(folder())!r}"
-                    )
-                    reported = True
-                time.sleep(_LOOK_S)
-                continue
-            except OSError:  # a file system without locks
-                pass
-            break
-        else:
-            signals.say("the other process does not end: compiling without waiting for it")
+        if not locks.acquired(descriptor, _TELLS_S):
+            signals.say(f"waiting for another process, which compiles for {str(folder())!r}")
+            if not locks.acquired(descriptor, _MOST_WAIT_S - _TELLS_S):
+                signals.say("the other process does not end: compiling without waiting for it")
         yield
     finally:
         os.close(descriptor)
@@ -290,11 +275,11 @@ def _linker() -> Any:
     return binding.create_lljit_compiler(use_jit_link=True)
 
 
-def load(code: bytes, symbol: str) -> int:
+def load(code: bytes) -> int:
     """Load an object into this process; returns the address of its function."""
     from llvmlite import binding
 
     library = binding.JITLibraryBuilder().add_object_img(code).add_current_process()
-    address = library.export_symbol(symbol).link(_linker(), f"jointplay_{len(_loaded)}")
+    address = library.export_symbol(ENTRY).link(_linker(), f"jointplay_{len(_loaded)}")
     _loaded.append(address)
-    return int(address[symbol])
+    return int(address[ENTRY])

@@ -9,6 +9,7 @@ from contextlib import suppress
 from typing import Any
 
 from jointplay.base.errors import JointplayError
+from jointplay.base.units import ask_unit, convert, plain_number
 
 ALL = "all"
 """Word in place of a name that stands for all joints."""
@@ -53,8 +54,6 @@ def name_and_number(
 
 def number(text: str) -> Any:
     """Read a number; return other text, such as one with a unit, for the scenario to read."""
-    from jointplay.base.units import plain_number
-
     with suppress(ValueError):
         value = plain_number(text)
         return int(text) if text.strip().lstrip("+-").isdecimal() else value
@@ -63,8 +62,6 @@ def number(text: str) -> Any:
 
 def quantity(text: str, unit: str, option: str = "") -> float:
     """Read text such as ``0.1 mm`` as a number in SI units; errors name the option."""
-    from jointplay.base.units import ask_unit, convert, plain_number
-
     try:
         value: float | str = plain_number(text)
     except ValueError:

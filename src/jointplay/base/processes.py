@@ -125,19 +125,6 @@ def _watch(early: bool, parent: int) -> None:
 
 
 @contextmanager
-def _signals_wait() -> Iterator[None]:
-    """Defer requests to stop until after the block, where the system can (Windows cannot)."""
-    if not hasattr(signal, "pthread_sigmask"):
-        yield
-        return
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
-@contextmanager
 def one_thread() -> Iterator[None]:
     """Limit numerical libraries to one thread: the cores are taken by workers."""
     from threadpoolctl import threadpool_limits
@@ -146,13 +133,22 @@ def one_thread() -> Iterator[None]:
         yield
 
 
-def _begin(process: BaseProcess) -> None:
-    """Start a process, with signals deferred until it is set up."""
+def _started(target: Callable[..., None], *arguments: Any) -> BaseProcess:
+    """Start a process that calls `target`, with signals deferred until it is set up."""
+    context: Any = multiprocessing.get_context("fork" if _FORKS else None)
+    process: BaseProcess = context.Process(target=target, args=arguments, daemon=True)
     with warnings.catch_warnings():  # Python 3.12 warns of threads of libraries, which idle here
         warnings.simplefilter("ignore", DeprecationWarning)
-        # Until it is set up the process has this one's signal handlers, which raise.
-        with _signals_wait():
+        if not hasattr(signal, "pthread_sigmask"):  # Windows
             process.start()
+            return process
+        # Until it is set up the process has this one's signal handlers, which raise.
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)
+        try:
+            process.start()
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
+    return process
 
 
 class Pool(Generic[Item, Value]):
@@ -201,10 +197,8 @@ class Pool(Generic[Item, Value]):
             self._start()
 
     def _start(self) -> None:
-        context: Any = multiprocessing.get_context("fork" if _FORKS else None)
-        mine, theirs = context.Pipe()
-        process = context.Process(target=self._target, args=(theirs,), daemon=True)
-        _begin(process)
+        mine, theirs = multiprocessing.Pipe()
+        process = _started(self._target, theirs)
         theirs.close()
         self.processes[mine], self._queues[mine] = process, deque()
         if self._closed:  # meanwhile, by another thread
@@ -406,9 +400,7 @@ def beside(work: Callable[[], object]) -> BaseProcess | None:
         with suppress(Exception):
             work()
 
-    process = multiprocessing.get_context("fork").Process(target=serve, daemon=True)
-    _begin(process)
-    return process
+    return _started(serve)
 
 
 @contextmanager

@@ -99,10 +99,11 @@ def forgiving() -> Iterator[_Output]:
         yield output
     finally:
         output.flush()
-        with suppress(OSError, ValueError):
+        try:
             before.flush()
-        if getattr(before, "buffer", None) is not None and full(before):
-            silence(before)
+        except (OSError, ValueError):
+            if getattr(before, "buffer", None) is not None:
+                silence(before)
         sys.stdout, sys.stderr = out, before
 
 
@@ -166,15 +167,6 @@ def saying_if_long(text: str) -> Iterator[None]:
         yield
     finally:
         timer.cancel()
-
-
-def full(stream: Any) -> bool:
-    """Whether a stream cannot be flushed."""
-    try:
-        stream.flush()
-    except (OSError, ValueError):
-        return True
-    return False
 
 
 @contextmanager

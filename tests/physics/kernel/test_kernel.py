@@ -218,7 +218,7 @@ def test_objects_are_made_for_what_is_released(tmp_path, monkeypatch):
         assert (head.system, head.features) == (target.system, target.features)
         assert code.startswith(machines[target.system])
         if target.system == objects.host().system:
-            address = objects.load(code, head.symbol)
+            address = objects.load(code)
             room = ctypes.c_double()
             call = ctypes.PYFUNCTYPE(ctypes.c_int32, ctypes.c_void_p, ctypes.c_double)(address)
             assert call(ctypes.addressof(room), 2.0) == 0

@@ -14,7 +14,7 @@ A gap is positive in free flight and negative in penetration. Each gap's gradien
 normal, and its rate is the normal velocity of the contact point, so contact forces do exactly the
 work that the change of the gap implies.
 
-The compiled functions (`contacts`) are imported when the first of them is used.
+The compiled functions (`cylinder`, `contacts`) are imported when the first of them is used.
 """
 
 import lazy_loader

@@ -7,17 +7,7 @@ import math
 import numpy as np
 
 from jointplay.base.compiler import calling_with_arrays, compiled
-from jointplay.physics.geometry.cylinder import (
-    axial_gap,
-    clear_of_cylinder,
-    deepest_rim_direction,
-    radial_gap,
-    touch_cylinder,
-    touch_faces,
-    touch_rims,
-    worn_bore,
-    worn_gap,
-)
+from jointplay.physics.geometry.cylinder import touch_cylinder, worn_gap
 from jointplay.physics.geometry.shapes import (
     _ALIGNED_CYLINDER,
     _BALL,
@@ -29,22 +19,6 @@ from jointplay.physics.geometry.shapes import (
     CONTACT_TOLERANCE_M,
     LAST_SHAPE,
 )
-
-__all__ = [
-    "axial_gap",
-    "classify_form",
-    "classify_many",
-    "classify_mode",
-    "clear_of_cylinder",
-    "deepest_rim_direction",
-    "radial_gap",
-    "touch",
-    "touch_cylinder",
-    "touch_faces",
-    "touch_rims",
-    "worn_bore",
-    "worn_gap",
-]
 
 # A kind of joint may bring a geometry function of its own, compiled and called by address.
 #

@@ -25,11 +25,11 @@ _LEAST_DIFFERENCE = 1e-9
 
 
 @compiled
-def _evaluate_law(run, joint, e, part, direction, velocity):
+def _evaluate_law(run, joint, place, velocity):
     """Force of a section along x and y, its moment, and its damping, at a velocity (x, y)."""
+    e, (ex, ey), part = place
     clearance = joint.clearance
     ratio = min(e / clearance, joint.thinnest)
-    ex, ey = direction
     rate, whirl = ex * velocity[0] + ey * velocity[1], ex * velocity[1] - ey * velocity[0]
     state = ratio, rate / clearance, whirl / clearance, joint.twist[5]
     law, numbers = address_of(joint.film_parameters), address_of(run.law_numbers)
@@ -46,11 +46,12 @@ def _evaluate_law(run, joint, e, part, direction, velocity):
 
 @compiled
 def _section_state(joint, section):
-    """Arm of a section from the journal's centre, eccentricity, its direction, share of the film.
+    """Arm of a section from the journal's centre, its place, and its velocity (x, y).
 
-    The share fades where the journal is deeper in the bore than the clearance.
+    The place is its eccentricity, the direction of that, and its share of the film, which fades
+    where the journal is deeper in the bore than the clearance.
     """
-    pose = joint.pose
+    pose, twist = joint.pose, joint.twist
     height = joint.section * (1.0 - 2.0 * section)
     arm = scale(height, (pose[5], pose[8], pose[11]))
     px, py = pose[0] + arm[0], pose[1] + arm[1]
@@ -59,7 +60,8 @@ def _section_state(joint, section):
     part = 1.0 / joint.sections
     if e > joint.clearance:
         part *= max(1.0 - (e - joint.clearance) / joint.transition, 0.0)
-    return arm, e, direction, part
+    velocity = add(get_vector(twist, 0), cross(get_vector(twist, 3), arm))
+    return arm, (e, direction, part), (velocity[0], velocity[1])
 
 
 @compiled
@@ -71,16 +73,15 @@ def _lagged_force(run, joint, section, place, velocity):
 
     with the damping C: a mass m stays stable, and steady forces are exact (docs/bearings.md).
     """
-    e, part, direction = place
     memory = joint.film_memory
     # s follows from the damping at v_n, lambda from that at the extrapolated velocity.
-    fx, fy, turn, damping = _evaluate_law(run, joint, e, part, direction, velocity)
+    fx, fy, turn, damping = _evaluate_law(run, joint, place, velocity)
     stiff = damping * run.dt / joint.lag_mass
     ahead = stiff / (1.0 + stiff)
     if memory[section, 4] > 0.0 and ahead > 0.0:
         ux = velocity[0] + ahead * (velocity[0] - memory[section, 2])
         uy = velocity[1] + ahead * (velocity[1] - memory[section, 3])
-        fx, fy, turn, damping = _evaluate_law(run, joint, e, part, direction, (ux, uy))
+        fx, fy, turn, damping = _evaluate_law(run, joint, place, (ux, uy))
         stiff = damping * run.dt / joint.lag_mass
         ahead = stiff / (1.0 + stiff)
     else:
@@ -93,14 +94,13 @@ def _lagged_force(run, joint, section, place, velocity):
 @compiled
 def _add_slope(run, joint, place, velocity, arm, force):
     """Add the derivative of a section's force by its velocity to the joint's d(wrench)/d(twist)."""
-    e, part, direction = place
     size = math.sqrt(velocity[0] * velocity[0] + velocity[1] * velocity[1])
     more = _DIFFERENCE * size + _LEAST_DIFFERENCE
     wrench_slope = joint.wrench_slope
     for c in range(2):
         ux = velocity[0] + (more if c == 0 else 0.0)
         uy = velocity[1] + (more if c == 1 else 0.0)
-        fx, fy, _, _ = _evaluate_law(run, joint, e, part, direction, (ux, uy))
+        fx, fy, _, _ = _evaluate_law(run, joint, place, (ux, uy))
         column = ((fx - force[0]) / more, (fy - force[1]) / more, 0.0)
         turned = cross(arm, column)
         # Rate of the velocity's component c per angular velocity: row c of -[arm].
@@ -120,15 +120,13 @@ def _add_forces(run, joint, lag):
     for r in range(6):
         film[r] = 0.0
     for section in range(joint.sections):
-        arm, e, direction, part = _section_state(joint, section)
-        if part <= 0.0:
+        arm, place, velocity = _section_state(joint, section)
+        if place[2] <= 0.0:  # its share of the film has faded
             continue
-        at = add(get_vector(joint.twist, 0), cross(get_vector(joint.twist, 3), arm))
-        velocity, place = (at[0], at[1]), (e, part, direction)
         if lag:
             fx, fy, turn = _lagged_force(run, joint, section, place, velocity)
         else:
-            fx, fy, turn, _ = _evaluate_law(run, joint, e, part, direction, velocity)
+            fx, fy, turn, _ = _evaluate_law(run, joint, place, velocity)
         force = (fx, fy, 0.0)
         moment = add_scaled(cross(arm, force), turn, (0.0, 0.0, 1.0))
         for r in range(3):
@@ -142,13 +140,11 @@ def _add_forces(run, joint, lag):
 def _add_film_slope(run, joint):
     """See `add_film_slope`."""
     for section in range(joint.sections):
-        arm, e, direction, part = _section_state(joint, section)
-        if part <= 0.0:
+        arm, place, velocity = _section_state(joint, section)
+        if place[2] <= 0.0:  # its share of the film has faded
             continue
-        at = add(get_vector(joint.twist, 0), cross(get_vector(joint.twist, 3), arm))
-        velocity = (at[0], at[1])
-        fx, fy, _, _ = _evaluate_law(run, joint, e, part, direction, velocity)
-        _add_slope(run, joint, (e, part, direction), velocity, arm, (fx, fy))
+        fx, fy, _, _ = _evaluate_law(run, joint, place, velocity)
+        _add_slope(run, joint, place, velocity, arm, (fx, fy))
 
 
 @compiled
@@ -166,13 +162,13 @@ def _commit(run, joint):
     """See `commit_film`."""
     memory = joint.film_memory
     for section in range(joint.sections):
-        arm, e, direction, part = _section_state(joint, section)
-        at = add(get_vector(joint.twist, 0), cross(get_vector(joint.twist, 3), arm))
+        _, place, velocity = _section_state(joint, section)
         fx, fy = 0.0, 0.0
-        if part > 0.0:
-            fx, fy, _ = _lagged_force(run, joint, section, (e, part, direction), (at[0], at[1]))
+        if place[2] > 0.0:
+            fx, fy, _ = _lagged_force(run, joint, section, place, velocity)
         memory[section, 0], memory[section, 1] = fx, fy
-        memory[section, 2], memory[section, 3], memory[section, 4] = at[0], at[1], 1.0
+        memory[section, 2], memory[section, 3] = velocity
+        memory[section, 4] = 1.0
 
 
 _FORCES, _LAGGED, _SLOPE, _LOSSES, _COMMIT = range(5)

@@ -171,24 +171,3 @@ def write_interpolated(run, time, elapsed, h):
         row[c] = earlier[c] + elapsed * (load.before + 0.5 * part * rise)
     _end_peaks(run, row)
     run.row += 1
-
-
-def contact_statistics(contacts: np.ndarray) -> dict[str, np.ndarray]:
-    """Statistics of the contacts from their records (nj, width), each of the same shape.
-
-    Numbers of onsets and ends, fewest steps, impulses [N s], smallest gap [m], fastest approach
-    [m/s].
-    """
-    names = {
-        "onsets": "onsets",
-        "ended": "ended",
-        "shortest_steps": "shortest",
-        "under_resolved": "under",
-        "impulse": "impulse",
-        "under_resolved_impulse": "impulse_under",
-        "smallest_gap": "deepest",
-    }
-    statistics = {name: contacts[field].copy() for name, field in names.items()}
-    # A contact that has not ended keeps its approach to itself.
-    fastest = np.maximum(contacts["fastest"], contacts["ddelta0"])
-    return statistics | {"fastest_approach": fastest}

@@ -21,7 +21,6 @@ from jointplay.physics.kernel.layout import (
     JointSite,
     LoadSite,
 )
-from jointplay.physics.kernel.record import contact_statistics
 
 FIXED = (
     *("dimensions", "dt", "reference_interval"),
@@ -69,7 +68,6 @@ class Workspace:
         record: recorded states, one row each.
         fields: columns of each recorded quantity, by name.
         middle: q and v in the middle of the macro step that is planned, each of shape (nv,).
-        inverse_mass: Pinocchio's inverse mass matrix, its upper triangle, shape (nv, nv).
     """
 
     def __init__(
@@ -124,7 +122,7 @@ class Workspace:
         path = self._arrays["path"]
         self.middle = (path[layout.MIDDLE], path[layout.MIDDLE_SPEED])
         # The kernels read Pinocchio's results in place.
-        self.inverse_mass = self._point("found_minv", data.Minv)
+        self._point("found_minv", data.Minv)
         self._point("found_free", data.ddq)
         self._point("world_jacobian", data.J)
         self.acceleration = self._allocate("a") if own_acceleration else self._point("a", data.ddq)
@@ -167,10 +165,7 @@ class Workspace:
 
     def _point(self, name: str, array: np.ndarray) -> np.ndarray:
         """Let the record's field `name` point to an array."""
-        _check(layout.RUN, self.run[0], name, array)
-        self.run[name] = array.ctypes.data
-        self._pointed_to.append(array)
-        self._arrays[name] = array
+        self._point_row(self.run[0], {name: array}, "{}")
         return array
 
     def _allocate(self, name: str) -> np.ndarray:
@@ -184,9 +179,12 @@ class Workspace:
         return self._point(name, room[first : first + size].view(declared.kind).reshape(shape))
 
     def _point_row(self, row: np.ndarray, arrays: Mapping[str, np.ndarray], called: str) -> None:
-        """Let fields of a joint's or load's record point to arrays, kept by the names `called`."""
+        """Let fields of a record point to arrays, kept by the names `called`."""
         for name, array in arrays.items():
-            _check(row.dtype, row, name, array)
+            declared = layout.ARRAYS[row.dtype].get(name)
+            if declared is not None:  # compiled code relies on what `layout` declares
+                size = math.prod(layout.extents(declared.room, row))
+                assert (array.dtype, array.size) == (declared.kind, size), (name, array.shape, size)
             row[name] = array.ctypes.data
             self._pointed_to.append(array)
             self._arrays[called.format(name)] = array
@@ -539,11 +537,6 @@ class Workspace:
         return self._time.item()
 
     @property
-    def failed(self) -> bool:
-        """Whether something has stopped the run."""
-        return self._status.item() != 0
-
-    @property
     def status(self) -> Status:
         """Whether the run goes on, or why it was stopped."""
         return Status(self._status.item())
@@ -563,13 +556,21 @@ class Workspace:
         return self.fields[name].of(self.record[: self.rows - self.kept_elsewhere])
 
     def contact_statistics(self) -> dict[str, np.ndarray]:
-        """Statistics of each joint's contacts, (nj, width); see `record.contact_statistics`."""
-        return contact_statistics(self.contacts)
+        """Statistics of each joint's contacts, each of shape (nj, width).
 
-
-def _check(record: np.dtype, row: np.ndarray, name: str, array: np.ndarray) -> None:
-    """Assert that an array is what `layout` declares: compiled code relies on it."""
-    declared = layout.ARRAYS[record].get(name)
-    if declared is not None:
-        size = math.prod(layout.extents(declared.room, row))
-        assert (array.dtype, array.size) == (declared.kind, size), (name, array.shape, size)
+        Numbers of onsets and ends, fewest steps, impulses [N s], smallest gap [m], fastest approach
+        [m/s].
+        """
+        names = {
+            "onsets": "onsets",
+            "ended": "ended",
+            "shortest_steps": "shortest",
+            "under_resolved": "under",
+            "impulse": "impulse",
+            "under_resolved_impulse": "impulse_under",
+            "smallest_gap": "deepest",
+        }
+        statistics = {name: self.contacts[field].copy() for name, field in names.items()}
+        # A contact that has not ended keeps its approach to itself.
+        fastest = np.maximum(self.contacts["fastest"], self.contacts["ddelta0"])
+        return statistics | {"fastest_approach": fastest}
