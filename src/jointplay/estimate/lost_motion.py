@@ -30,12 +30,11 @@ from scipy.stats import t as student
 
 from jointplay.accuracy.poses import moving
 from jointplay.base import files
-from jointplay.base.errors import JointplayError, MissingName
+from jointplay.base.errors import JointplayError, require_known
 from jointplay.base.schema import known_keywords
 from jointplay.base.tables import counted, few
 from jointplay.base.units import readable
-from jointplay.estimate import columns
-from jointplay.estimate.gauge import gravity_load, joints_of_table
+from jointplay.estimate.gauge import cells_of_table, gravity_load, joints_of_table
 from jointplay.estimate.known import excludes_zero
 from jointplay.estimate.machine import preset_found
 from jointplay.estimate.unknowns import (
@@ -75,7 +74,6 @@ _PLACES = 5
 _STRIDE = {True: 5e-4, False: math.radians(2.5)}
 """Distance of a plan's places by whether the joint slides [m, rad], unless twice the gear's play is
 more (judged: several times what is usually lost, so that it is lost within one)."""
-_NUMBERS = ("motor", "reading", "gauge arm")
 _COLUMNS = (
     "joint, setup (names), motor [mm or deg] as it was sent, in the order of the moves, reading "
     "[mm or deg] (empty: only passed), gauge arm [mm] where a joint turns and is read in mm, and "
@@ -124,16 +122,8 @@ class Stairs:
         )
         way = "m" if slide else "rad"
         units = {"motor": way, "reading": "rad" if angular else "m", "gauge arm": "m"}
-
-        def known(title: str) -> tuple[columns.Key, str] | None:
-            title = title.replace("_", " ")
-            return ((title, ""), units[title]) if title in units else None
-
-        numbers, texts = columns.read(
-            path, "readings", known, _COLUMNS, ("joint", "setup", "pose"), _NUMBERS
-        )
-        nothing = np.full(len(names), np.nan)
-        motor, reading, arm = (numbers.get((name, ""), nothing) for name in _NUMBERS)
+        cells, setups, pose = cells_of_table(path, names, units, _COLUMNS)
+        motor, reading, arm = cells["motor"], cells["reading"], cells["gauge arm"]
         if (bad := np.flatnonzero(~np.isfinite(motor))).size:
             raise JointplayError(f"{path}: move {bad[0] + 1} has no motor position")
         if not np.isfinite(reading).any():
@@ -148,9 +138,7 @@ class Stairs:
             step /= float(np.nanmean(arm))
         else:
             step = _dial_step(reading, math.radians(1.0) if angular else 1e-3)
-        setup = texts.get("setup", ("",) * len(names))
-        setups = tuple(f"{a}, {b}" for a, b in zip(names, setup, strict=True))
-        return cls(tuple(names), setups, motor, reading, str(path), texts.get("pose", ()), step)
+        return cls(tuple(names), setups, motor, reading, str(path), pose, step)
 
 
 def _dial_step(readings: np.ndarray, unit: float) -> float:
@@ -577,8 +565,7 @@ def plan_lost_motion(mechanism: Mechanism, joints: Sequence[str] = ()) -> LostMo
     ideal = mechanism.ideal()
     known, entries = moving(ideal), mechanism.description.joints
     for name in joints:
-        if name not in known:
-            raise MissingName("joint that moves", name, known)
+        require_known("joint that moves", name, known)
     names = list(joints) or known
     sliding = [name for name in names if entries[name].slides]
     if 0 < len(sliding) < len(names):
