@@ -13,7 +13,7 @@ import math
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -91,12 +91,8 @@ class Identification:
     """Standard errors of the means that counted, nan where none did, (n, keys) [SI]."""
     predicted: np.ndarray
     """Means by the static model with the estimates, offsets included, shape (n, keys) [SI]."""
-    nuisances: np.ndarray
-    """Effect of the nuisances, see `nuisances`, shape (n, keys, columns)."""
     misfit: float
     """RMS of the residuals in standard errors, which are as large as the residuals demand."""
-    reference: str
-    """What is known of the tool's ideal place, of `REFERENCES`."""
     notes: tuple[str, ...]
     """Assumptions, a line each."""
     measured: Measurement
@@ -261,12 +257,12 @@ def identify(
         JointplayError: bad data (see `Measurement`); loops; nothing has play; a motion that never
             reverses; fewer means than unknowns.
     """
-    problem, model, measured, observed, use, records, nuisance = _comparison(
+    problem, model, measured, observed, records = _comparison(
         machine, measured, motion=motion, reference=reference, noise=noise,
         joint_friction=joint_friction, also=also, known=known, stiffness=stiffness, drift=drift,
         lag=lag, progress=progress,
     )  # fmt: skip
-    visits, unknowns = model.visits, model.unknowns
+    visits, unknowns, use = model.visits, model.unknowns, np.isfinite(records)
     fit = search(problem, progress=progress)
     problem = fit.least
     if fit.freedom < 1:
@@ -292,9 +288,7 @@ def identify(
         observed,
         error,
         predicted,
-        nuisance,
         fit.misfit,
-        reference,
         tuple(_assumptions(model, measured, observed, reference, drift)),
         measured,
         excess=float(np.sqrt(np.square(residual).sum() / fit.freedom)),
@@ -307,22 +301,7 @@ def identify_problem(
     machine: Simulation | Mechanism, measured: Measurement | Recording | str | Path, **options: Any
 ) -> LeastSquares:
     """The least squares that `identify`, with the same options, solves; see `changes`."""
-    return _comparison(machine, measured, **options).problem
-
-
-class _Comparison(NamedTuple):
-    """Means of a measurement, the static model of them, and their least squares."""
-
-    problem: LeastSquares
-    model: StaticModel
-    measured: Measurement
-    observed: Observed
-    use: np.ndarray
-    """Which means count, shape (n, keys)."""
-    records: np.ndarray
-    """Standard errors by the records, nan where none counts, (n, keys)."""
-    nuisance: np.ndarray
-    """Effect of the nuisances, (n, keys, columns)."""
+    return _comparison(machine, measured, **options)[0]
 
 
 def _comparison(
@@ -339,8 +318,13 @@ def _comparison(
     drift: int = POLYNOMIAL_DEGREE,
     lag: float | None = None,
     progress: bool = False,
-) -> _Comparison:
-    """Check the arguments of `identify`, read the measurement and state its least squares."""
+) -> tuple[LeastSquares, StaticModel, Measurement, Observed, np.ndarray]:
+    """Check the arguments of `identify`, read the measurement and state its least squares.
+
+    Returns:
+        The least squares; the static model of the means; the measurement; its means; their standard
+        errors by the records, nan where a mean does not count, (n, keys).
+    """
     require_a("machine", machine, "Simulation", "Mechanism")
     if motion is not None:
         require_a("motion", motion, "Motion")
@@ -392,7 +376,7 @@ def _comparison(
     records = np.hypot(records, model.wander)
     nuisance, labels = nuisances(model, observed, reference, drift, measured.lag > 0.0)
     problem = _problem(model, observed.mean, records, nuisance, labels, measured.lag)
-    return _Comparison(problem, model, measured, observed, use, records, nuisance)
+    return problem, model, measured, observed, records
 
 
 def _loops(
