@@ -24,7 +24,7 @@ from jointplay.estimate.parts import SPRINGS, WOUND, Elements, Springs, bearing_
 from jointplay.estimate.static_poses import StaticPoses, rotations_of
 from jointplay.estimate.unknowns import ROUNDING, TINY, Unknown
 from jointplay.model.design import z_to
-from jointplay.model.mechanism import Mechanism
+from jointplay.model.mechanism import Mechanism, frame_index
 from jointplay.physics.joints import RollingBearing
 
 if TYPE_CHECKING:
@@ -208,7 +208,12 @@ class Poses:
         for column, name in enumerate(poses.joints):
             full[:, ideal.coordinate(name)] = poses.motor[:, column]
         self.q = full[:, [model.joints[i].idx_q for i in ids]]
-        self.load, self.wrench = _loads(_with_payloads(model, payloads), full, ids)
+        loaded = model.copy()
+        for payload in payloads:
+            held = model.frames[frame_index(model, payload.frame)]
+            inertia = pin.Inertia(payload.mass, np.array(payload.centre), np.diag(payload.inertia))
+            loaded.appendBodyToJoint(held.parentJoint, inertia, held.placement)
+        self.load, self.wrench = _loads(loaded, full, ids)
         self.mechanism = mechanism
         self.approach, self.link = np.zeros(self.q.shape), np.full(self.q.shape, np.nan)
         at = [poses.joints.index(name) for name in self.known]
@@ -269,7 +274,12 @@ class Poses:
             idle = kind.by_load and not self.loaded(joint) and not required
             features = [] if idle else kind.features(self, term, j, required)
             if not features and required and kind.absent:
-                raise JointplayError(f"{joint} {kind.absent}{self._having(term, joints)}")
+                others = ""
+                if kind.part:
+                    numbers = {name: self.names.index(name) for name in joints}
+                    has = [n for n, at in numbers.items() if kind.features(self, term, at, True)]
+                    others = f"; joints that have {kind.part}: {', '.join(has) or 'none'}"
+                raise JointplayError(f"{joint} {kind.absent}{others}")
             stated = term.width.get(joint) if isinstance(term.width, Mapping) else term.width
             size = kind.width if stated is None else float(stated)
             unit_of_joint = "rad" if self.turns[j] else "m"
@@ -295,16 +305,6 @@ class Poses:
                 f"{term.kind!r} needs; joints: {', '.join(self.names)}"
             )
         return columns
-
-    def _having(self, term: Term, joints: Sequence[str]) -> str:
-        """Text that names the joints which have the part that a term needs."""
-        kind = TERM_KINDS[term.kind]
-        if not kind.part:
-            return ""
-        has = [
-            joint for joint in joints if kind.features(self, term, self.names.index(joint), True)
-        ]
-        return f"; joints that have {kind.part}: {', '.join(has) or 'none'}"
 
     def rows(self, keep: np.ndarray) -> Poses:
         """Some of the poses, approached as they were."""
@@ -559,18 +559,6 @@ TERM_KINDS: Mapping[str, TermKind] = {
 """Kinds of terms; a new one is a function of the poses. Widths of priors are judged: with all twice
 as wide 3 of 112 estimates of these 6 robots are left out, and intervals are a fifth wider
 (median)."""
-
-
-def _with_payloads(model: pin.Model, payloads: Sequence[Payload]) -> pin.Model:
-    """The model with payloads fixed to their frames."""
-    from jointplay.model.mechanism import frame_index
-
-    model = model.copy()
-    for payload in payloads:
-        frame = model.frames[frame_index(model, payload.frame)]
-        inertia = pin.Inertia(payload.mass, np.array(payload.centre), np.diag(payload.inertia))
-        model.appendBodyToJoint(frame.parentJoint, inertia, frame.placement)
-    return model
 
 
 def _loads(model: pin.Model, q: np.ndarray, ids: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
