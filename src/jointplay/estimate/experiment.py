@@ -325,10 +325,7 @@ def _best_shift(
 
     reach = MOST_SHIFT * end
     tried = np.linspace(-reach, reach, _SHIFTS)
-
-    def of(shift: float) -> float:
-        return _misfit(known, times, measured, float(shift))
-
+    of = partial(_misfit, known, times, measured)
     sizes = [of(shift) for shift in tried]
     if not np.isfinite(sizes).any():
         return 0.0
