@@ -32,7 +32,7 @@ from jointplay.estimate.nuisances import POLYNOMIAL_DEGREE, REFERENCES, nuisance
 from jointplay.estimate.parts import WOUND, Teeth, friction_of
 from jointplay.estimate.reasons import LEAST_ERROR, advice, reason
 from jointplay.estimate.recordings import Recording, is_recording
-from jointplay.estimate.unknowns import PLAYS, ROUNDING, Estimate, Loop, by_label, data, listed
+from jointplay.estimate.unknowns import PLAYS, ROUNDING, Answer, Estimate, Loop, data, listed
 from jointplay.estimate.visits import Observed, Visits, cut_into_visits, pushes
 from jointplay.model.mechanism import Mechanism
 from jointplay.simulation.loads.drive import Drive, JointFriction, urdf_friction
@@ -77,12 +77,14 @@ def _elasticity(fit: Fit, model: StaticModel) -> tuple[Estimate, ...]:
     return tuple(estimates)
 
 
-@dataclass(frozen=True)
-class Identification:
-    """Estimates from a recording, and how well the static model explains it; SI units."""
+@dataclass(frozen=True, kw_only=True)
+class Identification(Answer):
+    """Estimates from a recording, and how well the static model explains it; SI units.
 
-    estimates: tuple[Estimate, ...]
-    """Estimates of all unknowns except compliances, also of those that are not sought."""
+    `estimates` has all unknowns except compliances, also those that are not sought; `notes` has the
+    assumptions, a line each.
+    """
+
     mechanism: Mechanism
     """The mechanism with the values that are known, the others as in the scenario."""
     visits: Visits
@@ -93,8 +95,6 @@ class Identification:
     """Means by the static model with the estimates, offsets included, shape (n, keys) [SI]."""
     misfit: float
     """RMS of the residuals in standard errors, which are as large as the residuals demand."""
-    notes: tuple[str, ...]
-    """Assumptions, a line each."""
     measured: Measurement
     excess: float
     """RMS of the residuals over the scatter of the records alone."""
@@ -107,10 +107,6 @@ class Identification:
     def sought(self) -> tuple[Estimate, ...]:
         """Estimates of the unknowns that are asked for."""
         return tuple(estimate for estimate in self.estimates if estimate.unknown.sought)
-
-    def __getitem__(self, label: str) -> Estimate:
-        """The estimate of an unknown, by its label such as ``"elbow radial clearance"``."""
-        return by_label(self.estimates, label)
 
     def preset(
         self, robot: str | Path | None = None, simulation: Simulation | None = None
@@ -282,15 +278,15 @@ def identify(
     predicted[use] += shift
     residual = (observed.mean - predicted)[use] / records[use]
     return Identification(
-        estimates,
-        apply(model.mechanism, estimates),
-        visits,
-        observed,
-        error,
-        predicted,
-        fit.misfit,
-        tuple(_assumptions(model, measured, observed, reference, drift)),
-        measured,
+        estimates=estimates,
+        mechanism=apply(model.mechanism, estimates),
+        visits=visits,
+        observed=observed,
+        error=error,
+        predicted=predicted,
+        misfit=fit.misfit,
+        notes=tuple(_assumptions(model, measured, observed, reference, drift)),
+        measured=measured,
         excess=float(np.sqrt(np.square(residual).sum() / fit.freedom)),
         elasticity=_elasticity(fit, model),
         loops=tuple(_loops(model, fit.theta, error, observed.mean - predicted)),
