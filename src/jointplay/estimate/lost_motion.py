@@ -255,7 +255,7 @@ def identify_lost_motion(
     for joint in dict.fromkeys(stairs.joint):
         moves = np.array([name == joint for name in stairs.joint])
         slides = entries[joint].slides
-        estimate, left_out, loop = _Profile.of(stairs, joint, moves, slides, scatter).estimate()
+        estimate, left_out, loop = _Profile(stairs, joint, moves, slides, scatter).estimate()
         notes += left_out
         loops.append(loop)
         weight, known = gravity_load(ideal, stairs, joint, moves, pose)
@@ -308,25 +308,16 @@ def links(motor: np.ndarray, lost: float | np.ndarray, start: float | np.ndarray
     return np.stack(behind, axis=-1)
 
 
-@dataclass
 class _Profile:
     """Profile of a joint's lost motion: least sum of squares of its readings for each value."""
 
-    joint: str
-    slides: bool
-    setups: list[tuple[np.ndarray, np.ndarray]]
-    """Moves and readings of each setup; readings are nan where there are none."""
-    scatter: float
-    """Least standard deviation of a reading [rad or m]."""
-    step: float = 0.0
-    """Step to which the dial was read [rad or m]; zero: unknown."""
-
-    @classmethod
-    def of(
-        cls, stairs: Stairs, joint: str, of_joint: np.ndarray, slides: bool, scatter: float | None
-    ) -> _Profile:
+    def __init__(
+        self, stairs: Stairs, joint: str, of_joint: np.ndarray, slides: bool, scatter: float | None
+    ) -> None:
+        self.joint, self.slides, self.step = joint, slides, stairs.step
+        self.setups: list[tuple[np.ndarray, np.ndarray]] = []
+        """Moves and readings of each setup; readings are nan where there are none."""
         names = np.array(stairs.setup)
-        setups = []
         for name in dict.fromkeys(names[of_joint]):
             rows = np.flatnonzero(of_joint & (names == name))
             motor, reading = stairs.motor[rows], stairs.reading[rows]
@@ -334,14 +325,15 @@ class _Profile:
             ways = np.sign(np.diff(motor, prepend=motor[0]))[read]
             if read.sum() < LEAST_READINGS or not (ways > 0).any() or not (ways < 0).any():
                 raise JointplayError(f"{stairs.source}: {joint}: {_RECIPE}; got {int(read.sum())}")
-            setups.append((motor, reading))
-        span = max(float(np.ptp(reading[np.isfinite(reading)])) for _, reading in setups)
+            self.setups.append((motor, reading))
+        span = max(float(np.ptp(reading[np.isfinite(reading)])) for _, reading in self.setups)
         if span == 0.0:
             raise JointplayError(
                 f"{stairs.source}: {joint}: all readings are the same: the dial does not follow it"
             )
         floor = max(STEP_DEVIATION * stairs.step, ROUNDING * span)
-        return cls(joint, slides, setups, floor if scatter is None else scatter, stairs.step)
+        self.scatter = floor if scatter is None else scatter
+        """Least standard deviation of a reading [rad or m]."""
 
     def fit(self, lost: np.ndarray, sigma: float) -> tuple[np.ndarray, list[tuple[Any, ...]]]:
         """Fit all else at lost motions (k,), for a standard deviation `sigma` of readings.
