@@ -342,9 +342,8 @@ def preset_found(
                 )
             elif name == "gear_compliance":
                 gears.setdefault(estimate.joint, {"play": 0.0})["stiffness"] = 1.0 / estimate.value
-    tables = dict(tables) | {"gear": gears}
-    geared = dict.fromkeys([*mechanism.gears, *gears], _BY_MOTOR)
-    tables = dict(tables) | {"drive": geared | dict(tables.get("drive", {}))}
+    drives = dict.fromkeys([*mechanism.gears, *gears], _BY_MOTOR) | dict(tables.get("drive", {}))
+    tables = dict(tables) | {"gear": gears, "drive": drives}
     return Preset.of_mechanism(apply(mechanism, estimates), title, origins, tables, place)
 
 

@@ -265,8 +265,14 @@ class StaticModel:
                 means[:, column] = lags[name][0]
             elif name in lags:
                 means[:, column] = lags[name][1]
-            else:
-                means[:, column] = self._torque(name, values.get(name, {}))
+            else:  # of a drive without gear on a joint that moves
+                at, viscous = self.visits.joints.index(name), self._friction(name).viscous
+                torque = self._hold[name] - np.einsum(
+                    "nk,nk->n", self._arms[name], self.visits.force
+                )
+                dry = self._dry(name, values.get(name, {}))
+                torque = torque + dry * self.visits.direction[:, at]
+                means[:, column] = torque + viscous * self.visits.speed[:, at]
         return means
 
     def turned(
@@ -360,15 +366,6 @@ class StaticModel:
 
     def _friction(self, name: str) -> JointFriction:
         return self.machine.friction.get(name, JointFriction())
-
-    def _torque(self, name: str, parameters: Mapping[str, float]) -> np.ndarray:
-        """Torque of a drive without gear on a joint that moves, (n,) [N m or N]."""
-        column = self.visits.joints.index(name)
-        external = np.einsum("nk,nk->n", self._arms[name], self.visits.force)
-        torque = self._hold[name] - external
-        torque = torque + self._dry(name, parameters) * self.visits.direction[:, column]
-        viscous = self._friction(name).viscous
-        return np.asarray(torque + viscous * self.visits.speed[:, column])
 
     def _wound(
         self,

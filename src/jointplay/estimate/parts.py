@@ -248,11 +248,8 @@ class Teeth(Part):
         """Stiffness of each piece of its curve [N m/rad]: K1, K2 and K3 of strain-wave gears."""
         gear = self.component
         if isinstance(gear, StrainWaveGear):
-            pieces = [gear.stiffness_1]
-            for piece in (gear.stiffness_2, gear.stiffness_3):
-                if piece is not None:
-                    pieces.append(piece)
-            return tuple(pieces)
+            pieces = gear.stiffness_1, gear.stiffness_2, gear.stiffness_3
+            return tuple(piece for piece in pieces if piece is not None)
         return (cast(Gear | CycloidalGear | GearTrain, gear).stiffness,)
 
     @property
