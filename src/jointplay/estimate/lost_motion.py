@@ -469,16 +469,12 @@ class _Profile:
         return notes
 
     def _loop(self, parts: list[tuple[Any, ...]], unit: str) -> Loop:
-        motors, lags, fits, ways = [], [], [], []
+        rows = []
         for (motor, reading), (link, drift, scale) in zip(self.setups, parts, strict=True):
-            motors.append(motor)
-            lags.append((reading - drift) / scale - motor)
-            fits.append(link - motor)
-            ways.append(np.sign(np.diff(motor, prepend=motor[0])))
-        joined = [np.concatenate(rows) for rows in (motors, lags, fits, ways)]
-        return Loop(
-            self.joint, joined[0], "motor", unit, joined[1], joined[2], unit, joined[3].astype(int)
-        )
+            way = np.sign(np.diff(motor, prepend=motor[0]))
+            rows.append((motor, (reading - drift) / scale - motor, link - motor, way))
+        motors, lags, fits, ways = map(np.concatenate, zip(*rows, strict=True))
+        return Loop(self.joint, motors, "motor", unit, lags, fits, unit, ways.astype(int))
 
 
 def axis_letters(sliding: Sequence[str]) -> dict[str, str]:

@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Any
 from jointplay.base.errors import JointplayError, NothingHasPlay, require_known
 from jointplay.estimate import parts
 from jointplay.estimate.unknowns import PLAYS, Estimate, Unknown
+from jointplay.model.gear import Gear
 from jointplay.model.mechanism import Mechanism
 from jointplay.simulation.loads.drive import JointFriction
 
@@ -406,8 +407,6 @@ def with_plays(mechanism: Mechanism, plays: Mapping[tuple[str, str], float]) -> 
 
     Joints without a gear get one, of which only the play counts.
     """
-    from jointplay.model.gear import Gear
-
     gears = dict(mechanism.gears)
     for joint, name in plays:
         if name == "gear_play" and joint not in gears:
