@@ -370,8 +370,7 @@ def _comparison(
     ]
     records = np.where(use, np.maximum(observed.error, smallest), np.nan)
     records = np.hypot(records, model.wander)
-    nuisance, labels = nuisances(model, observed, reference, drift, measured.lag > 0.0)
-    problem = _problem(model, observed.mean, records, nuisance, labels, measured.lag)
+    problem = _problem(model, observed, records, reference, drift, measured.lag)
     return problem, model, measured, observed, records
 
 
@@ -436,14 +435,15 @@ def _require_two_ways(
 
 def _problem(
     model: StaticModel,
-    mean: np.ndarray,
+    observed: Observed,
     error: np.ndarray,
-    nuisance: np.ndarray,
-    labels: Sequence[str],
+    reference: str,
+    drift: int,
     lag: float,
 ) -> LeastSquares:
     """Least squares of the means that have an error, with the priors of the nuisances."""
     visits, use = model.visits, np.isfinite(error)
+    nuisance, labels = nuisances(model, observed, reference, drift, lag > 0.0)
     # Columns are in the order of `nuisances`: lateness of each kind of reading, offsets and drift,
     # of which nothing is known, and the compliances.
     spread = np.full(nuisance.shape[2], np.inf)
@@ -462,7 +462,7 @@ def _problem(
     return LeastSquares(
         model.unknowns,
         lambda theta: model.predict(theta)[use],
-        mean[use],
+        observed.mean[use],
         error[use],
         nuisance[use],
         tuple(labels),
