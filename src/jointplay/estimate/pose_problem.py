@@ -86,12 +86,9 @@ class Problem(ABC):
     def errors(self, theta: np.ndarray, rows: np.ndarray) -> list[np.ndarray]:
         """Measured less predicted of some rows, for each kind (n, components) [SI]."""
         least = self.at(rows)
-        off, errors, begin = -least.error * least.residual(theta)[: len(least.error)], [], 0
-        for _, axes in self.kinds.values():
-            end = begin + len(rows) * len(axes)
-            errors.append(off[begin:end].reshape(len(rows), -1))
-            begin = end
-        return errors
+        off = -least.error * least.residual(theta)[: len(least.error)]
+        ends = np.cumsum([len(rows) * len(axes) for _, axes in self.kinds.values()])
+        return [part.reshape(len(rows), -1) for part in np.split(off, ends)[:-1]]
 
     def fit(self, rows: np.ndarray, start: np.ndarray) -> Fitted:
         """Fit some rows, from unknowns (p,) on."""
