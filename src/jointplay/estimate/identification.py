@@ -434,16 +434,11 @@ def _require_two_ways(
 
 
 def _problem(
-    model: StaticModel,
-    observed: Observed,
-    error: np.ndarray,
-    reference: str,
-    drift: int,
-    lag: float,
+    model: StaticModel, means: Observed, error: np.ndarray, reference: str, drift: int, lag: float
 ) -> LeastSquares:
     """Least squares of the means that have an error, with the priors of the nuisances."""
     visits, use = model.visits, np.isfinite(error)
-    nuisance, labels = nuisances(model, observed, reference, drift, lag > 0.0)
+    nuisance, labels = nuisances(model, means, reference, drift, lag > 0.0)
     # Columns are in the order of `nuisances`: lateness of each kind of reading, offsets and drift,
     # of which nothing is known, and the compliances.
     spread = np.full(nuisance.shape[2], np.inf)
@@ -462,7 +457,7 @@ def _problem(
     return LeastSquares(
         model.unknowns,
         lambda theta: model.predict(theta)[use],
-        observed.mean[use],
+        means.mean[use],
         error[use],
         nuisance[use],
         tuple(labels),
