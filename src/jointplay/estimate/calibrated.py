@@ -13,9 +13,9 @@ from jointplay.base import tables
 from jointplay.base.errors import JointplayError, MissingName
 from jointplay.base.tables import Table
 from jointplay.base.units import readable
-from jointplay.estimate.kinematic_model import PARTS, Term
+from jointplay.estimate.kinematic_model import COORDINATE, PARTS, Term
 from jointplay.estimate.machine import preset_found
-from jointplay.estimate.pose_problem import Fitted
+from jointplay.estimate.pose_problem import CONSTANT, Fitted
 from jointplay.estimate.selection import Step
 from jointplay.estimate.static_poses import StaticPoses
 from jointplay.estimate.unknowns import Estimate, Loop, Unknown, by_label, data, listed
@@ -85,9 +85,23 @@ class Calibration:
         """Poses of the joints' frames by the selected model in their nominal frames, by joint.
 
         `bridges.urdf.to_urdf` writes them into a URDF, whose tool is then where the model has it,
-        except for causes that depend on the pose or on loads.
+        except for causes that depend on the pose or on loads. With the joint at zero by its
+        encoder: what `placement` and `offset` say.
         """
-        return self.step().fitted.corrections()
+        fitted = self.step().fitted
+        problem, poses = fitted.problem, fitted.problem.poses
+        moved = np.zeros((len(poses.names), COORDINATE + 1))
+        for column, value in zip(problem.columns, fitted.coefficients, strict=True):
+            if column.term.kind in CONSTANT:
+                moved[column.index, column.target] += value
+        corrections = {}
+        joints = zip(poses.names, poses.axis, poses.turns, moved, strict=True)
+        for name, axis, turns, shift in joints:
+            if shift.any():
+                step = shift[COORDINATE] * axis
+                zero = (pin.exp3(step), np.zeros(3)) if turns else (np.eye(3), step)
+                corrections[name] = pin.SE3(pin.exp3(shift[3:6]), shift[:3]) * pin.SE3(*zero)
+        return corrections
 
     def preset(self, robot: str | Path | None = None) -> Preset:
         """A preset of the robot's joints with the values that are known.

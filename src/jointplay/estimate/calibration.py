@@ -29,7 +29,7 @@ from jointplay.base.schema import known_keywords
 from jointplay.base.units import rounded
 from jointplay.estimate import planning, static_poses
 from jointplay.estimate.calibrated import Calibration
-from jointplay.estimate.inference import half_widths, infer
+from jointplay.estimate.inference import infer
 from jointplay.estimate.inference import notes as notes_on
 from jointplay.estimate.kinematic_model import COORDINATE, Poses, Term
 from jointplay.estimate.least_squares import LeastSquares
@@ -451,7 +451,7 @@ def _effects(fits: Selection, selected: Step) -> tuple[Estimate, ...]:
     Beyond what other poses of base and tool would do; intervals by draws of the coefficients.
     """
     n, fitted, first, effects = len(fits.rows), selected.fitted, len(fits.start), []
-    half, _ = half_widths(fits, fitted)
+    half = fits.excess * fitted.half_widths()
     random, scale = np.random.default_rng(0), fitted.least.scale
     frame = fitted.effect[: 3 * n, :first]
     for term in selected.terms:

@@ -9,7 +9,7 @@ The measurement is a CSV file whose columns have the names of `curves`, with the
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -239,7 +239,8 @@ def beside_experiment(
     simulation = result.simulation
     end = float(result.time[-1])
     fitted = shift is None
-    best = _best_shift(known, times, measured, end)
+    misfit = partial(_misfit, known, times, measured)
+    best = _best_shift(misfit, MOST_SHIFT * end)
     shift = best if shift is None else shift
     within = (times + shift >= 0.0) & (times + shift <= end)
     if (there := np.count_nonzero(within)) < _LEAST:
@@ -267,7 +268,7 @@ def beside_experiment(
         rows.append(MeasuredCurve(name, known[name][2], at, column[within], computed, error, band))
     return ExperimentComparison(
         tuple(rows), float(shift), fitted, int(np.count_nonzero(~within)),
-        "" if fitted else _hint(known, times, measured, shift, best),
+        "" if fitted else _hint(misfit, shift, best),
     )  # fmt: skip
 
 
@@ -317,38 +318,25 @@ def _misfit(
     return total
 
 
-def _best_shift(
-    known: dict[str, Curve], times: np.ndarray, measured: dict[str, np.ndarray], end: float
-) -> float:
-    """Shift with the least misfit: the best of many, refined."""
+def _best_shift(misfit: Callable[[float], float], reach: float) -> float:
+    """Shift up to `reach` with the least misfit: the best of many, refined [s]."""
     from scipy.optimize import minimize_scalar  # slow to import
 
-    reach = MOST_SHIFT * end
     tried = np.linspace(-reach, reach, _SHIFTS)
-
-    def of(shift: float) -> float:
-        return _misfit(known, times, measured, float(shift))
-
-    sizes = [of(shift) for shift in tried]
+    sizes = [misfit(shift) for shift in tried]
     if not np.isfinite(sizes).any():
         return 0.0
     best, step = float(tried[int(np.argmin(sizes))]), float(tried[1] - tried[0])
-    refined = minimize_scalar(of, bounds=(best - step, best + step), method="bounded")
-    return float(refined.x) if refined.fun < of(best) else best
+    refined = minimize_scalar(misfit, bounds=(best - step, best + step), method="bounded")
+    return float(refined.x) if refined.fun < misfit(best) else best
 
 
-def _hint(
-    known: dict[str, Curve],
-    times: np.ndarray,
-    measured: dict[str, np.ndarray],
-    shift: float,
-    best: float,
-) -> str:
+def _hint(misfit: Callable[[float], float], shift: float, best: float) -> str:
     """Text that another shift would halve the difference, as if the measurement had its own clock.
 
     Empty if none would.
     """
-    now, then = (_misfit(known, times, measured, moved) for moved in (shift, best))
+    now, then = misfit(shift), misfit(best)
     if not math.sqrt(then) < 0.5 * math.sqrt(now):
         return ""
     return (

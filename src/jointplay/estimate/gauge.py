@@ -21,14 +21,14 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pinocchio as pin
 
 from jointplay.accuracy.poses import moving, over_workspace
 from jointplay.base import files
-from jointplay.base.errors import JointplayError, MissingName, require_known, require_positive
+from jointplay.base.errors import JointplayError, require_known, require_positive
 from jointplay.base.pairs import name_and_number
 from jointplay.base.schema import known_keywords
 from jointplay.base.tables import counted, few
@@ -53,6 +53,7 @@ from jointplay.model.mechanism import Mechanism
 from jointplay.simulation.loads.drive import urdf_friction
 
 if TYPE_CHECKING:
+    from jointplay.estimate.lost_motion import Stairs
     from jointplay.scenario.presets import Preset
 
 GAUGE_M, ANGLE = 10e-6, 1e-3
@@ -98,20 +99,10 @@ _HOW = (
     "and under each push; a push is positive if it makes the reading grow. Weights on a string or "
     "a spring balance will do. Write down the motor's own position as well, if you can."
 )
-_NUMBERS = ("force", "arm", "reading", "gauge arm", "torque", "angle", "motor")
 _COLUMNS = (
     "joint, setup (names), force [N], arm [mm], reading [mm], gauge arm [mm], or torque [N*m], "
     "angle [deg], motor [deg], and pose (JOINT=X,... in rad or m)"
 )
-
-
-class Posed(Protocol):
-    """Readings with the pose in which each was taken, or without any."""
-
-    @property
-    def pose(self) -> tuple[str, ...]: ...
-    @property
-    def source(self) -> str: ...
 
 
 @known_keywords
@@ -152,17 +143,10 @@ class Readings:
         path = Path(path)
         names, slides_all = joints_of_table(path, joints, RECIPE)
         unit = "m" if slides_all else "rad"
-        units = dict(zip(_NUMBERS, ("N", "m", "m", "m", "N*m", unit, unit), strict=True))
-
-        def known(title: str) -> tuple[columns.Key, str] | None:
-            title = title.replace("_", " ")
-            return ((title, ""), units[title]) if title in units else None
-
-        numbers, texts = columns.read(
-            path, "readings", known, _COLUMNS, ("joint", "setup", "pose"), _NUMBERS
-        )
+        units = {"force": "N", "arm": "m", "reading": "m", "gauge arm": "m", "torque": "N*m"}
+        units |= {"angle": unit, "motor": unit}
+        cells, all_setups, pose = cells_of_table(path, names, units, _COLUMNS)
         n, deviations = len(names), dict(noise or {})
-        cells = {name: numbers.get((name, ""), np.full(n, np.nan)) for name in _NUMBERS}
         for name in ("arm", "gauge arm"):
             if (far := float(np.nanmax(cells[name], initial=0.0))) > FARTHEST_M:
                 raise JointplayError(
@@ -190,8 +174,7 @@ class Readings:
             if (bad := np.flatnonzero(~np.isfinite(values))).size:
                 needed = quantity if not slides_all else quantity.partition(" and")[0]
                 raise JointplayError(f"{path}: reading {bad[0] + 1} has no {needed}")
-        setup = texts.get("setup", ("",) * n)
-        setups = np.array([f"{a}, {b}" for a, b in zip(names, setup, strict=True)])
+        setups = np.array(all_setups)
         for name in np.unique(setups) if not slides_all else ():
             by_this = by_gauge[setups == name]  # NaN of angles, which may be large
             if (apart := float(np.ptp(by_this))) > _GAUGE_RANGE_RAD:
@@ -209,8 +192,7 @@ class Readings:
                 side = float(np.sign(motor[of_setup] @ (push[of_setup] - push[of_setup].mean())))
                 turned[of_setup] -= side * (motor[of_setup] - motor[of_setup].mean())
                 error[of_setup] = np.hypot(error[of_setup], quantisation(np.sort(motor[of_setup])))
-        pose = texts.get("pose", ())
-        return cls(tuple(names), tuple(map(str, setups)), push, turned, error, str(path), pose)
+        return cls(tuple(names), all_setups, push, turned, error, str(path), pose)
 
 
 def joints_of_table(path: Path, joints: Mapping[str, bool], needed: str) -> tuple[list[str], bool]:
@@ -228,6 +210,23 @@ def joints_of_table(path: Path, joints: Mapping[str, bool], needed: str) -> tupl
     if len(slides) > 1:
         raise JointplayError(f"{path}: joints that slide need a file of their own")
     return names, slides.pop()
+
+
+def cells_of_table(
+    path: Path, joints: Sequence[str], units: Mapping[str, str], choices: str
+) -> tuple[dict[str, np.ndarray], tuple[str, ...], tuple[str, ...]]:
+    """Numbers by column of `units`, nan where empty, (n,) each [SI]; setup and pose of each row."""
+
+    def known(title: str) -> tuple[columns.Key, str] | None:
+        title = title.replace("_", " ")
+        return ((title, ""), units[title]) if title in units else None
+
+    labels = ("joint", "setup", "pose")
+    numbers, texts = columns.read(path, "readings", known, choices, labels, units)
+    cells = {name: numbers.get((name, ""), np.full(len(joints), np.nan)) for name in units}
+    setup = texts.get("setup", ("",) * len(joints))
+    setups = tuple(f"{a}, {b}" for a, b in zip(joints, setup, strict=True))
+    return cells, setups, texts.get("pose", ())
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -398,27 +397,22 @@ def _read(
 
 
 def _by_joint(mechanism: Mechanism, readings: Readings) -> Iterator[tuple[str, np.ndarray, bool]]:
-    """Each joint, which readings are of it, (n,), and whether it slides."""
+    """Each joint, which readings are of it, (n,), and whether it slides; refuses too few of one."""
     for joint in dict.fromkeys(readings.joint):
         of_joint = np.array([name == joint for name in readings.joint])
-        _require_recipe(readings, joint, of_joint)
+        sizes = []
+        for setup in dict.fromkeys(np.array(readings.setup)[of_joint]):
+            push = readings.push[of_joint & (np.array(readings.setup) == setup)]
+            if push.min() < 0.0 < push.max():
+                sizes += [abs(force) for force in push if force]
+        if len(sizes) < 4 or max(sizes) < _FORCE_RATIO * min(sizes):
+            raise JointplayError(f"{readings.source}: {joint}: {RECIPE}; got {int(of_joint.sum())}")
         yield joint, of_joint, mechanism.description.joints[joint].slides
 
 
 def _smallest(readings: Readings, of_joint: np.ndarray) -> float:
     """Smallest push of these readings [N m or N]."""
     return float(np.abs(readings.push[of_joint & (readings.push != 0.0)]).min())
-
-
-def _require_recipe(readings: Readings, joint: str, of_joint: np.ndarray) -> None:
-    """Refuse readings that are not those of `RECIPE`."""
-    sizes = []
-    for setup in dict.fromkeys(np.array(readings.setup)[of_joint]):
-        push = readings.push[of_joint & (np.array(readings.setup) == setup)]
-        if push.min() < 0.0 < push.max():
-            sizes += [abs(force) for force in push if force]
-    if len(sizes) < 4 or max(sizes) < _FORCE_RATIO * min(sizes):
-        raise JointplayError(f"{readings.source}: {joint}: {RECIPE}; got {int(of_joint.sum())}")
 
 
 def _forces(readings: Readings, of_joint: np.ndarray) -> int:
@@ -451,7 +445,7 @@ def _require_yielding(readings: Readings, joint: str, of_joint: np.ndarray) -> N
 
 def gravity_load(
     ideal: Mechanism,
-    readings: Posed,
+    readings: Readings | Stairs,
     joint: str,
     of_joint: np.ndarray,
     pose: Mapping[str, float] | None,
@@ -655,8 +649,7 @@ def plan_gauge(
     model, data = ideal.model, ideal.model.createData()
     known = moving(ideal)
     for name in joints:
-        if name not in known:
-            raise MissingName("joint that moves", name, known)
+        require_known("joint that moves", name, known)
     poses, notes = free_poses(ideal, None, 0)
     weights = np.array([np.abs(pin.computeGeneralizedGravity(model, data, q)) for q in poses])
     steps = []

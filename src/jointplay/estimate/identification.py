@@ -13,7 +13,7 @@ import math
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -32,7 +32,7 @@ from jointplay.estimate.nuisances import POLYNOMIAL_DEGREE, REFERENCES, nuisance
 from jointplay.estimate.parts import WOUND, Teeth, friction_of
 from jointplay.estimate.reasons import LEAST_ERROR, advice, reason
 from jointplay.estimate.recordings import Recording, is_recording
-from jointplay.estimate.unknowns import PLAYS, ROUNDING, Estimate, Loop, by_label, data, listed
+from jointplay.estimate.unknowns import PLAYS, ROUNDING, Answer, Estimate, Loop, data, listed
 from jointplay.estimate.visits import Observed, Visits, cut_into_visits, pushes
 from jointplay.model.mechanism import Mechanism
 from jointplay.simulation.loads.drive import Drive, JointFriction, urdf_friction
@@ -77,12 +77,14 @@ def _elasticity(fit: Fit, model: StaticModel) -> tuple[Estimate, ...]:
     return tuple(estimates)
 
 
-@dataclass(frozen=True)
-class Identification:
-    """Estimates from a recording, and how well the static model explains it; SI units."""
+@dataclass(frozen=True, kw_only=True)
+class Identification(Answer):
+    """Estimates from a recording, and how well the static model explains it; SI units.
 
-    estimates: tuple[Estimate, ...]
-    """Estimates of all unknowns except compliances, also of those that are not sought."""
+    `estimates` has all unknowns except compliances, also those that are not sought; `notes` has the
+    assumptions, a line each.
+    """
+
     mechanism: Mechanism
     """The mechanism with the values that are known, the others as in the scenario."""
     visits: Visits
@@ -91,14 +93,8 @@ class Identification:
     """Standard errors of the means that counted, nan where none did, (n, keys) [SI]."""
     predicted: np.ndarray
     """Means by the static model with the estimates, offsets included, shape (n, keys) [SI]."""
-    nuisances: np.ndarray
-    """Effect of the nuisances, see `nuisances`, shape (n, keys, columns)."""
     misfit: float
     """RMS of the residuals in standard errors, which are as large as the residuals demand."""
-    reference: str
-    """What is known of the tool's ideal place, of `REFERENCES`."""
-    notes: tuple[str, ...]
-    """Assumptions, a line each."""
     measured: Measurement
     excess: float
     """RMS of the residuals over the scatter of the records alone."""
@@ -111,10 +107,6 @@ class Identification:
     def sought(self) -> tuple[Estimate, ...]:
         """Estimates of the unknowns that are asked for."""
         return tuple(estimate for estimate in self.estimates if estimate.unknown.sought)
-
-    def __getitem__(self, label: str) -> Estimate:
-        """The estimate of an unknown, by its label such as ``"elbow radial clearance"``."""
-        return by_label(self.estimates, label)
 
     def preset(
         self, robot: str | Path | None = None, simulation: Simulation | None = None
@@ -261,12 +253,12 @@ def identify(
         JointplayError: bad data (see `Measurement`); loops; nothing has play; a motion that never
             reverses; fewer means than unknowns.
     """
-    problem, model, measured, observed, use, records, nuisance = _comparison(
+    problem, model, measured, observed, records = _comparison(
         machine, measured, motion=motion, reference=reference, noise=noise,
         joint_friction=joint_friction, also=also, known=known, stiffness=stiffness, drift=drift,
         lag=lag, progress=progress,
     )  # fmt: skip
-    visits, unknowns = model.visits, model.unknowns
+    visits, unknowns, use = model.visits, model.unknowns, np.isfinite(records)
     fit = search(problem, progress=progress)
     problem = fit.least
     if fit.freedom < 1:
@@ -286,17 +278,15 @@ def identify(
     predicted[use] += shift
     residual = (observed.mean - predicted)[use] / records[use]
     return Identification(
-        estimates,
-        apply(model.mechanism, estimates),
-        visits,
-        observed,
-        error,
-        predicted,
-        nuisance,
-        fit.misfit,
-        reference,
-        tuple(_assumptions(model, measured, observed, reference, drift)),
-        measured,
+        estimates=estimates,
+        mechanism=apply(model.mechanism, estimates),
+        visits=visits,
+        observed=observed,
+        error=error,
+        predicted=predicted,
+        misfit=fit.misfit,
+        notes=tuple(_assumptions(model, measured, observed, reference, drift)),
+        measured=measured,
         excess=float(np.sqrt(np.square(residual).sum() / fit.freedom)),
         elasticity=_elasticity(fit, model),
         loops=tuple(_loops(model, fit.theta, error, observed.mean - predicted)),
@@ -307,22 +297,7 @@ def identify_problem(
     machine: Simulation | Mechanism, measured: Measurement | Recording | str | Path, **options: Any
 ) -> LeastSquares:
     """The least squares that `identify`, with the same options, solves; see `changes`."""
-    return _comparison(machine, measured, **options).problem
-
-
-class _Comparison(NamedTuple):
-    """Means of a measurement, the static model of them, and their least squares."""
-
-    problem: LeastSquares
-    model: StaticModel
-    measured: Measurement
-    observed: Observed
-    use: np.ndarray
-    """Which means count, shape (n, keys)."""
-    records: np.ndarray
-    """Standard errors by the records, nan where none counts, (n, keys)."""
-    nuisance: np.ndarray
-    """Effect of the nuisances, (n, keys, columns)."""
+    return _comparison(machine, measured, **options)[0]
 
 
 def _comparison(
@@ -339,8 +314,13 @@ def _comparison(
     drift: int = POLYNOMIAL_DEGREE,
     lag: float | None = None,
     progress: bool = False,
-) -> _Comparison:
-    """Check the arguments of `identify`, read the measurement and state its least squares."""
+) -> tuple[LeastSquares, StaticModel, Measurement, Observed, np.ndarray]:
+    """Check the arguments of `identify`, read the measurement and state its least squares.
+
+    Returns:
+        The least squares; the static model of the means; the measurement; its means; their standard
+        errors by the records, nan where a mean does not count, (n, keys).
+    """
     require_a("machine", machine, "Simulation", "Mechanism")
     if motion is not None:
         require_a("motion", motion, "Motion")
@@ -390,9 +370,8 @@ def _comparison(
     ]
     records = np.where(use, np.maximum(observed.error, smallest), np.nan)
     records = np.hypot(records, model.wander)
-    nuisance, labels = nuisances(model, observed, reference, drift, measured.lag > 0.0)
-    problem = _problem(model, observed.mean, records, nuisance, labels, measured.lag)
-    return _Comparison(problem, model, measured, observed, use, records, nuisance)
+    problem = _problem(model, observed, records, reference, drift, measured.lag)
+    return problem, model, measured, observed, records
 
 
 def _loops(
@@ -455,15 +434,11 @@ def _require_two_ways(
 
 
 def _problem(
-    model: StaticModel,
-    mean: np.ndarray,
-    error: np.ndarray,
-    nuisance: np.ndarray,
-    labels: Sequence[str],
-    lag: float,
+    model: StaticModel, means: Observed, error: np.ndarray, reference: str, drift: int, lag: float
 ) -> LeastSquares:
     """Least squares of the means that have an error, with the priors of the nuisances."""
     visits, use = model.visits, np.isfinite(error)
+    nuisance, labels = nuisances(model, means, reference, drift, lag > 0.0)
     # Columns are in the order of `nuisances`: lateness of each kind of reading, offsets and drift,
     # of which nothing is known, and the compliances.
     spread = np.full(nuisance.shape[2], np.inf)
@@ -482,7 +457,7 @@ def _problem(
     return LeastSquares(
         model.unknowns,
         lambda theta: model.predict(theta)[use],
-        mean[use],
+        means.mean[use],
         error[use],
         nuisance[use],
         tuple(labels),

@@ -5,8 +5,8 @@
 2. Friction and transition of play, which are not linear, are refined about the best of their table
    (`_refined`).
 3. Intervals are those of the linearised fit, wider by the excess of held-back errors
-   (`half_widths`), and hold for all frictions and transitions that the likelihood ratio does not
-   reject, the other unknowns fitted anew (`_likelihood_region`).
+   (`Selection.excess`), and hold for all frictions and transitions that the likelihood ratio does
+   not reject, the other unknowns fitted anew (`_likelihood_region`).
 4. A play is known if its cause predicts held-back poses (`Selection`) and its interval excludes
    zero (`known`); else there is an upper bound and the reason.
 """
@@ -56,7 +56,7 @@ def infer(selection: Selection, selected: Step, candidates: Sequence[Term]) -> I
     rough_ends, rough_plays = _likelihood_region(selection, table)
     ends = np.stack([np.minimum(ends, rough_ends)[0], np.maximum(ends, rough_ends)[1]])
     plays = {i: np.concatenate([values, rough_plays[i]]) for i, values in plays.items()}
-    half, _ = half_widths(selection, full)
+    half = selection.excess * full.half_widths()
     coefficients, first = [], len(selection.start)
     for i, column in enumerate(full.problem.columns):
         if column.term.kind != "play" and column.term in selected.terms:
@@ -80,15 +80,6 @@ def infer(selection: Selection, selected: Step, candidates: Sequence[Term]) -> I
             reason = "gravity does not load this joint"
             play.append(Estimate(column.unknown, 0.0, reason=reason, bounded=True))
     return Inference(tuple(coefficients), tuple(play), full)
-
-
-def half_widths(selection: Selection, fitted: Fitted) -> tuple[np.ndarray, np.ndarray]:
-    """Half widths of 95 % intervals, and of one-sided 95 % bounds, of all unknowns, (p,) each [SI].
-
-    As large as held-back errors demand.
-    """
-    two_sided, one_sided = map(fitted.half_widths, (TWO_SIDED, CONFIDENCE))
-    return selection.excess * two_sided, selection.excess * one_sided
 
 
 def _full_model(selection: Selection, selected: Step, candidates: Sequence[Term]) -> list[Term]:
@@ -186,8 +177,10 @@ def _play(
 ) -> Estimate:
     """Estimate of the play of the i-th column; `predictive`: it predicts held-back poses."""
     k, column, value = len(selection.start) + i, full.problem.columns[i], full.coefficients[i]
-    two_sided, one_sided = half_widths(selection, full)
-    half, side, value = two_sided[k], one_sided[k], float(value)
+    half, side = (
+        selection.excess * full.half_widths(quantile)[k] for quantile in (TWO_SIDED, CONFIDENCE)
+    )
+    value = float(value)
     low, high = value - half, value + half
     upper = max(value, 0.0) + side
     if column.options is not None:
@@ -212,7 +205,7 @@ def _smoothed(selection: Selection, full: Fitted, i: int) -> float:
         lean = selection.base.poses.leaning(column.joint, friction, factor * transition)
         columns[i] = replace(column, feature=0.5 * lean)
         fitted = full.problem.having(columns).fit(full.rows, full.theta)
-        _, side = half_widths(selection, fitted)
+        side = selection.excess * fitted.half_widths(CONFIDENCE)
         bound = max(float(fitted.coefficients[i]), 0.0) + side[len(selection.start) + i]
         largest = max(largest, bound)
     return largest

@@ -24,7 +24,7 @@ from jointplay.estimate.parts import SPRINGS, WOUND, Elements, Springs, bearing_
 from jointplay.estimate.static_poses import StaticPoses, rotations_of
 from jointplay.estimate.unknowns import ROUNDING, TINY, Unknown
 from jointplay.model.design import z_to
-from jointplay.model.mechanism import Mechanism
+from jointplay.model.mechanism import Mechanism, frame_index
 from jointplay.physics.joints import RollingBearing
 
 if TYPE_CHECKING:
@@ -208,7 +208,12 @@ class Poses:
         for column, name in enumerate(poses.joints):
             full[:, ideal.coordinate(name)] = poses.motor[:, column]
         self.q = full[:, [model.joints[i].idx_q for i in ids]]
-        self.load, self.wrench = _loads(_with_payloads(model, payloads), full, ids)
+        loaded = model.copy()
+        for payload in payloads:
+            held = model.frames[frame_index(model, payload.frame)]
+            inertia = pin.Inertia(payload.mass, np.array(payload.centre), np.diag(payload.inertia))
+            loaded.appendBodyToJoint(held.parentJoint, inertia, held.placement)
+        self.load, self.wrench = _loads(loaded, full, ids)
         self.mechanism = mechanism
         self.approach, self.link = np.zeros(self.q.shape), np.full(self.q.shape, np.nan)
         at = [poses.joints.index(name) for name in self.known]
@@ -265,11 +270,16 @@ class Poses:
         joints = self.known if term.kind not in ("placement", "suspension") else self.names
         for joint in term.joints or joints:
             require_known("joint that moves the tool", joint, self.names)
-            j, required = self.names.index(joint), bool(term.joints)
-            idle = kind.by_load and not self.loaded(joint) and not required
-            features = [] if idle else kind.features(self, term, j, required)
-            if not features and required and kind.absent:
-                raise JointplayError(f"{joint} {kind.absent}{self._having(term, joints)}")
+            j = self.names.index(joint)
+            idle = kind.by_load and not self.loaded(joint) and not term.joints
+            features = [] if idle else kind.features(self, term, j)
+            if not features and term.joints and kind.absent:
+                others = ""
+                if kind.part:
+                    numbers = {name: self.names.index(name) for name in joints}
+                    has = [n for n, at in numbers.items() if kind.features(self, term, at)]
+                    others = f"; joints that have {kind.part}: {', '.join(has) or 'none'}"
+                raise JointplayError(f"{joint} {kind.absent}{others}")
             stated = term.width.get(joint) if isinstance(term.width, Mapping) else term.width
             size = kind.width if stated is None else float(stated)
             unit_of_joint = "rad" if self.turns[j] else "m"
@@ -295,16 +305,6 @@ class Poses:
                 f"{term.kind!r} needs; joints: {', '.join(self.names)}"
             )
         return columns
-
-    def _having(self, term: Term, joints: Sequence[str]) -> str:
-        """Text that names the joints which have the part that a term needs."""
-        kind = TERM_KINDS[term.kind]
-        if not kind.part:
-            return ""
-        has = [
-            joint for joint in joints if kind.features(self, term, self.names.index(joint), True)
-        ]
-        return f"; joints that have {kind.part}: {', '.join(has) or 'none'}"
 
     def rows(self, keep: np.ndarray) -> Poses:
         """Some of the poses, approached as they were."""
@@ -359,8 +359,8 @@ class TermKind:
     meaning: str
     width: float
     """Width of the prior [SI: rad, m, rad/(N m), ...]."""
-    features: Callable[[Poses, Term, int, bool], list[Feature]]
-    """Features of a joint, by its number in the chain and whether it was asked for by name."""
+    features: Callable[[Poses, Term, int], list[Feature]]
+    """Features of a joint, by its number in the chain."""
     by_load: bool = False
     """Whether only joints that gravity loads have it, unless others are asked for."""
     absent: str = ""
@@ -369,10 +369,10 @@ class TermKind:
     """Name of the scenario's part that a joint needs for it."""
 
 
-def _waves(turns: float) -> Callable[[Poses, Term, int, bool], list[Feature]]:
+def _waves(turns: float) -> Callable[[Poses, Term, int], list[Feature]]:
     """Sine and cosine of a multiple of a joint's angle."""
 
-    def features(poses: Poses, term: Term, j: int, required: bool) -> list[Feature]:
+    def features(poses: Poses, term: Term, j: int) -> list[Feature]:
         angle = turns * poses.q[:, j]
         waves = [Feature(np.sin(angle), "sin"), Feature(np.cos(angle), "cos")]
         return waves if poses.turns[j] else []
@@ -380,7 +380,7 @@ def _waves(turns: float) -> Callable[[Poses, Term, int, bool], list[Feature]]:
     return features
 
 
-def _sawtooth(poses: Poses, term: Term, j: int, required: bool) -> list[Feature]:
+def _sawtooth(poses: Poses, term: Term, j: int) -> list[Feature]:
     """A gain, and a jump at one place between two poses."""
     q = poses.q[:, j]
     order = np.sort(q)
@@ -390,7 +390,7 @@ def _sawtooth(poses: Poses, term: Term, j: int, required: bool) -> list[Feature]
     return [gain, Feature(behind, "jump", choices=places)] if poses.turns[j] else []
 
 
-def _leaning(poses: Poses, term: Term, j: int, required: bool) -> list[Feature]:
+def _leaning(poses: Poses, term: Term, j: int) -> list[Feature]:
     """Side to which play leans, by half of it; friction and transition are chosen if not given."""
     largest = float(np.abs(poses.load[:, j]).max())
     frictions = [f * largest for f in FRICTIONS] if poses.measured.ordered else [0.0]
@@ -402,13 +402,13 @@ def _leaning(poses: Poses, term: Term, j: int, required: bool) -> list[Feature]:
     return [Feature(lean, choices=pairs) if len(pairs) > 1 else Feature(lean[:, 0])]
 
 
-def _difference(poses: Poses, term: Term, j: int, required: bool) -> list[Feature]:
+def _difference(poses: Poses, term: Term, j: int) -> list[Feature]:
     """Link encoder less motor's."""
     off = poses.link[:, j] - poses.q[:, j]
     return [] if np.isnan(off).any() or not off.any() else [Feature(off, unit="")]
 
 
-def _rail(poses: Poses, term: Term, j: int, required: bool) -> list[Feature]:
+def _rail(poses: Poses, term: Term, j: int) -> list[Feature]:
     """Turns of the joint's place by another joint's position."""
     joints = poses.measured.joints
     require_known("joint", term.by, joints)
@@ -418,7 +418,7 @@ def _rail(poses: Poses, term: Term, j: int, required: bool) -> list[Feature]:
     return [Feature(off, f"about {axis}", unit, 3 + k) for k, axis in enumerate("xyz")]
 
 
-def _suspension(poses: Poses, term: Term, j: int, required: bool) -> list[Feature]:
+def _suspension(poses: Poses, term: Term, j: int) -> list[Feature]:
     """Turns of the joint's place by the moment of the weight beyond it."""
     moments = zip("xyz", poses.wrench[:, j, 3:].T, strict=True)
     return [Feature(m, f"about {a}", "rad/(N*m)", 3 + k) for k, (a, m) in enumerate(moments)]
@@ -430,7 +430,7 @@ def _bearing_load(poses: Poses, j: int) -> tuple[np.ndarray, np.ndarray]:
     return poses.wrench[:, j] @ turn, turn
 
 
-def _gear(poses: Poses, term: Term, j: int, required: bool) -> list[Feature]:
+def _gear(poses: Poses, term: Term, j: int) -> list[Feature]:
     """Twist of a gear by the compliance of each piece of its curve."""
     gear, load = poses.mechanism.gears.get(poses.names[j]), poses.load[:, j]
     if gear is None:
@@ -446,7 +446,7 @@ def _gear(poses: Poses, term: Term, j: int, required: bool) -> list[Feature]:
     return features
 
 
-def _bearing(poses: Poses, term: Term, j: int, required: bool) -> list[Feature]:
+def _bearing(poses: Poses, term: Term, j: int) -> list[Feature]:
     """Displacement of a rolling bearing by its clearance, and deflection of its elements."""
     bearing = poses.mechanism.clearance.get(poses.names[j])
     if not isinstance(bearing, RollingBearing):
@@ -469,7 +469,7 @@ def _bearing(poses: Poses, term: Term, j: int, required: bool) -> list[Feature]:
     return [*features, Feature(ones, "deflection", "", moves=tight)]
 
 
-def _seat(poses: Poses, term: Term, j: int, required: bool) -> list[Feature]:
+def _seat(poses: Poses, term: Term, j: int) -> list[Feature]:
     """Displacement of springs, or of a bearing's seat, by the compliance of each way."""
     name, (loads, turn) = poses.names[j], _bearing_load(poses, j)
     bearing = poses.mechanism.clearance.get(name)
@@ -485,9 +485,9 @@ def _seat(poses: Poses, term: Term, j: int, required: bool) -> list[Feature]:
     return features
 
 
-def _placement(poses: Poses, term: Term, j: int, required: bool) -> list[Feature]:
+def _placement(poses: Poses, term: Term, j: int) -> list[Feature]:
     """Errors of a joint's placement; that of the first joint is the base's, which is unknown."""
-    if j == 0 and not required:
+    if j == 0 and not term.joints:
         return []
     letters, size = term.axes or PLACEMENT, np.abs(poses.axis[j])
     if not term.axes and np.isclose(size.max(), 1.0):  # what the joint's own offset does
@@ -500,14 +500,14 @@ def _placement(poses: Poses, term: Term, j: int, required: bool) -> list[Feature
 TERM_KINDS: Mapping[str, TermKind] = {
     "offset": TermKind(
         "zero of the joint's encoder", 0.1,
-        lambda poses, term, j, required: [Feature(np.ones(len(poses)))],
+        lambda poses, term, j: [Feature(np.ones(len(poses)))],
     ),
     "placement": TermKind(
         "errors of the joint's place in its link (lengths, angles)", 2e-3, _placement
     ),
     "compliance": TermKind(
         "joint gives way in proportion to its load", 1e-3,
-        lambda poses, term, j, required: [Feature(poses.load[:, j], unit="soft")],
+        lambda poses, term, j: [Feature(poses.load[:, j], unit="soft")],
         by_load=True,
     ),
     "play": TermKind(
@@ -528,11 +528,11 @@ TERM_KINDS: Mapping[str, TermKind] = {
     ),
     "ratio": TermKind(
         "joint moves by a constant part more than its encoder says", 0.1,
-        lambda poses, term, j, required: [Feature(poses.q[:, j], "error", "")],
+        lambda poses, term, j: [Feature(poses.q[:, j], "error", "")],
     ),
     "hysteresis": TermKind(
         "joint stays where it came from", 5e-3,
-        lambda poses, term, j, required: [Feature(poses.approach[:, j])],
+        lambda poses, term, j: [Feature(poses.approach[:, j])],
     ),
     "link-encoder": TermKind(
         "share of the link encoder's reading in what is true", 1.0, _difference,
@@ -559,18 +559,6 @@ TERM_KINDS: Mapping[str, TermKind] = {
 """Kinds of terms; a new one is a function of the poses. Widths of priors are judged: with all twice
 as wide 3 of 112 estimates of these 6 robots are left out, and intervals are a fifth wider
 (median)."""
-
-
-def _with_payloads(model: pin.Model, payloads: Sequence[Payload]) -> pin.Model:
-    """The model with payloads fixed to their frames."""
-    from jointplay.model.mechanism import frame_index
-
-    model = model.copy()
-    for payload in payloads:
-        frame = model.frames[frame_index(model, payload.frame)]
-        inertia = pin.Inertia(payload.mass, np.array(payload.centre), np.diag(payload.inertia))
-        model.appendBodyToJoint(frame.parentJoint, inertia, frame.placement)
-    return model
 
 
 def _loads(model: pin.Model, q: np.ndarray, ids: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:

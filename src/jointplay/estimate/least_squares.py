@@ -428,10 +428,9 @@ class Fit:
         """Estimates of all unknowns; `reasons` why they are not known, else those of `why_not`."""
         if reasons is None:
             reasons = [self.why_not(i) for i in range(len(self.theta))]
-        numbers = zip(self.theta.tolist(), self.half_width.tolist(), strict=True)
-        texts = zip(reasons, advice or [""] * len(reasons), strict=True)
-        rows = zip(self.least.unknowns, numbers, texts, strict=True)
-        return tuple(Estimate(unknown, *number, *word) for unknown, number, word in rows)
+        advice, half = advice or [""] * len(reasons), self.half_width.tolist()
+        rows = zip(self.least.unknowns, self.theta.tolist(), half, reasons, advice, strict=True)
+        return tuple(Estimate(*row) for row in rows)
 
 
 def partners(row: np.ndarray, i: int) -> list[int]:

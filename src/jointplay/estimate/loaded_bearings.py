@@ -73,6 +73,7 @@ class LoadedBearing:
         visits: Visits,
     ) -> None:
         self.joint, self.levers, self.load, hinge = joint, levers, load, joint.hinge
+        self._friction = friction_of(joint) or 0.0
         leaning = hinge if hinge is not None and hinge.tilts else None
         self.determined = _load_determines_place(joint, load, inertia)
         if leaning is None:
@@ -109,9 +110,7 @@ class LoadedBearing:
         if isinstance(play, JournalPlay | BallPlay):
             deeper = 1.0 + depths(joint, 0, self._contact_force) / joint.radial_travel
             point[:, [*SPRINGS["radial"], *SPRINGS["tilt"]]] *= deeper[:, None]
-        friction = values.get("friction")
-        if friction is None:
-            friction = friction_of(self.joint) or 0.0
+        friction = values.get("friction", self._friction)
         angle = -np.arctan(friction * (self._sliding + kept * self._stopped))
         return _turned(point, -angle if self.joint.exchanged else angle)
 
@@ -129,8 +128,7 @@ class LoadedBearing:
         A bush gives way along the contact's normal, which friction turns as it turns the journal's
         place: aside in proportion to the load, where the clearance alone does by the same at all.
         """
-        friction = friction_of(self.joint) or 0.0
-        angle = np.arctan(friction) * (self._sliding + KEPT_AT_STOPS * self._stopped)
+        angle = np.arctan(self._friction) * (self._sliding + KEPT_AT_STOPS * self._stopped)
         angle = angle if self.joint.exchanged else -angle
         return np.asarray(_turned(self.load, angle) - self.load)[:, :2]
 
@@ -145,7 +143,7 @@ class LoadedBearing:
 
         By a coefficient of friction; None takes the expected one.
         """
-        coefficient = friction_of(self.joint) or 0.0 if friction is None else friction
+        coefficient = self._friction if friction is None else friction
         radius = 0.0 if self.joint.hinge is None else self.joint.hinge.radius
         return np.asarray(2.0 * self.rim_force * radius * coefficient / np.hypot(1.0, coefficient))
 

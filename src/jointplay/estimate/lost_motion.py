@@ -30,12 +30,11 @@ from scipy.stats import t as student
 
 from jointplay.accuracy.poses import moving
 from jointplay.base import files
-from jointplay.base.errors import JointplayError, MissingName
+from jointplay.base.errors import JointplayError, require_known
 from jointplay.base.schema import known_keywords
 from jointplay.base.tables import counted, few
 from jointplay.base.units import readable
-from jointplay.estimate import columns
-from jointplay.estimate.gauge import gravity_load, joints_of_table
+from jointplay.estimate.gauge import cells_of_table, gravity_load, joints_of_table
 from jointplay.estimate.known import excludes_zero
 from jointplay.estimate.machine import preset_found
 from jointplay.estimate.unknowns import (
@@ -75,7 +74,6 @@ _PLACES = 5
 _STRIDE = {True: 5e-4, False: math.radians(2.5)}
 """Distance of a plan's places by whether the joint slides [m, rad], unless twice the gear's play is
 more (judged: several times what is usually lost, so that it is lost within one)."""
-_NUMBERS = ("motor", "reading", "gauge arm")
 _COLUMNS = (
     "joint, setup (names), motor [mm or deg] as it was sent, in the order of the moves, reading "
     "[mm or deg] (empty: only passed), gauge arm [mm] where a joint turns and is read in mm, and "
@@ -124,16 +122,8 @@ class Stairs:
         )
         way = "m" if slide else "rad"
         units = {"motor": way, "reading": "rad" if angular else "m", "gauge arm": "m"}
-
-        def known(title: str) -> tuple[columns.Key, str] | None:
-            title = title.replace("_", " ")
-            return ((title, ""), units[title]) if title in units else None
-
-        numbers, texts = columns.read(
-            path, "readings", known, _COLUMNS, ("joint", "setup", "pose"), _NUMBERS
-        )
-        nothing = np.full(len(names), np.nan)
-        motor, reading, arm = (numbers.get((name, ""), nothing) for name in _NUMBERS)
+        cells, setups, pose = cells_of_table(path, names, units, _COLUMNS)
+        motor, reading, arm = cells["motor"], cells["reading"], cells["gauge arm"]
         if (bad := np.flatnonzero(~np.isfinite(motor))).size:
             raise JointplayError(f"{path}: move {bad[0] + 1} has no motor position")
         if not np.isfinite(reading).any():
@@ -148,9 +138,7 @@ class Stairs:
             step /= float(np.nanmean(arm))
         else:
             step = _dial_step(reading, math.radians(1.0) if angular else 1e-3)
-        setup = texts.get("setup", ("",) * len(names))
-        setups = tuple(f"{a}, {b}" for a, b in zip(names, setup, strict=True))
-        return cls(tuple(names), setups, motor, reading, str(path), texts.get("pose", ()), step)
+        return cls(tuple(names), setups, motor, reading, str(path), pose, step)
 
 
 def _dial_step(readings: np.ndarray, unit: float) -> float:
@@ -267,7 +255,7 @@ def identify_lost_motion(
     for joint in dict.fromkeys(stairs.joint):
         moves = np.array([name == joint for name in stairs.joint])
         slides = entries[joint].slides
-        estimate, left_out, loop = _Profile.of(stairs, joint, moves, slides, scatter).estimate()
+        estimate, left_out, loop = _Profile(stairs, joint, moves, slides, scatter).estimate()
         notes += left_out
         loops.append(loop)
         weight, known = gravity_load(ideal, stairs, joint, moves, pose)
@@ -320,25 +308,16 @@ def links(motor: np.ndarray, lost: float | np.ndarray, start: float | np.ndarray
     return np.stack(behind, axis=-1)
 
 
-@dataclass
 class _Profile:
     """Profile of a joint's lost motion: least sum of squares of its readings for each value."""
 
-    joint: str
-    slides: bool
-    setups: list[tuple[np.ndarray, np.ndarray]]
-    """Moves and readings of each setup; readings are nan where there are none."""
-    scatter: float
-    """Least standard deviation of a reading [rad or m]."""
-    step: float = 0.0
-    """Step to which the dial was read [rad or m]; zero: unknown."""
-
-    @classmethod
-    def of(
-        cls, stairs: Stairs, joint: str, of_joint: np.ndarray, slides: bool, scatter: float | None
-    ) -> _Profile:
+    def __init__(
+        self, stairs: Stairs, joint: str, of_joint: np.ndarray, slides: bool, scatter: float | None
+    ) -> None:
+        self.joint, self.slides, self.step = joint, slides, stairs.step
+        self.setups: list[tuple[np.ndarray, np.ndarray]] = []
+        """Moves and readings of each setup; readings are nan where there are none."""
         names = np.array(stairs.setup)
-        setups = []
         for name in dict.fromkeys(names[of_joint]):
             rows = np.flatnonzero(of_joint & (names == name))
             motor, reading = stairs.motor[rows], stairs.reading[rows]
@@ -346,14 +325,15 @@ class _Profile:
             ways = np.sign(np.diff(motor, prepend=motor[0]))[read]
             if read.sum() < LEAST_READINGS or not (ways > 0).any() or not (ways < 0).any():
                 raise JointplayError(f"{stairs.source}: {joint}: {_RECIPE}; got {int(read.sum())}")
-            setups.append((motor, reading))
-        span = max(float(np.ptp(reading[np.isfinite(reading)])) for _, reading in setups)
+            self.setups.append((motor, reading))
+        span = max(float(np.ptp(reading[np.isfinite(reading)])) for _, reading in self.setups)
         if span == 0.0:
             raise JointplayError(
                 f"{stairs.source}: {joint}: all readings are the same: the dial does not follow it"
             )
         floor = max(STEP_DEVIATION * stairs.step, ROUNDING * span)
-        return cls(joint, slides, setups, floor if scatter is None else scatter, stairs.step)
+        self.scatter = floor if scatter is None else scatter
+        """Least standard deviation of a reading [rad or m]."""
 
     def fit(self, lost: np.ndarray, sigma: float) -> tuple[np.ndarray, list[tuple[Any, ...]]]:
         """Fit all else at lost motions (k,), for a standard deviation `sigma` of readings.
@@ -489,16 +469,12 @@ class _Profile:
         return notes
 
     def _loop(self, parts: list[tuple[Any, ...]], unit: str) -> Loop:
-        motors, lags, fits, ways = [], [], [], []
+        rows = []
         for (motor, reading), (link, drift, scale) in zip(self.setups, parts, strict=True):
-            motors.append(motor)
-            lags.append((reading - drift) / scale - motor)
-            fits.append(link - motor)
-            ways.append(np.sign(np.diff(motor, prepend=motor[0])))
-        joined = [np.concatenate(rows) for rows in (motors, lags, fits, ways)]
-        return Loop(
-            self.joint, joined[0], "motor", unit, joined[1], joined[2], unit, joined[3].astype(int)
-        )
+            way = np.sign(np.diff(motor, prepend=motor[0]))
+            rows.append((motor, (reading - drift) / scale - motor, link - motor, way))
+        motors, lags, fits, ways = map(np.concatenate, zip(*rows, strict=True))
+        return Loop(self.joint, motors, "motor", unit, lags, fits, unit, ways.astype(int))
 
 
 def axis_letters(sliding: Sequence[str]) -> dict[str, str]:
@@ -577,8 +553,7 @@ def plan_lost_motion(mechanism: Mechanism, joints: Sequence[str] = ()) -> LostMo
     ideal = mechanism.ideal()
     known, entries = moving(ideal), mechanism.description.joints
     for name in joints:
-        if name not in known:
-            raise MissingName("joint that moves", name, known)
+        require_known("joint that moves", name, known)
     names = list(joints) or known
     sliding = [name for name in names if entries[name].slides]
     if 0 < len(sliding) < len(names):

@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Any
 from jointplay.base.errors import JointplayError, NothingHasPlay, require_known
 from jointplay.estimate import parts
 from jointplay.estimate.unknowns import PLAYS, Estimate, Unknown
+from jointplay.model.gear import Gear
 from jointplay.model.mechanism import Mechanism
 from jointplay.simulation.loads.drive import JointFriction
 
@@ -342,9 +343,8 @@ def preset_found(
                 )
             elif name == "gear_compliance":
                 gears.setdefault(estimate.joint, {"play": 0.0})["stiffness"] = 1.0 / estimate.value
-    tables = dict(tables) | {"gear": gears}
-    geared = dict.fromkeys([*mechanism.gears, *gears], _BY_MOTOR)
-    tables = dict(tables) | {"drive": geared | dict(tables.get("drive", {}))}
+    drives = dict.fromkeys([*mechanism.gears, *gears], _BY_MOTOR) | dict(tables.get("drive", {}))
+    tables = dict(tables) | {"gear": gears, "drive": drives}
     return Preset.of_mechanism(apply(mechanism, estimates), title, origins, tables, place)
 
 
@@ -407,8 +407,6 @@ def with_plays(mechanism: Mechanism, plays: Mapping[tuple[str, str], float]) -> 
 
     Joints without a gear get one, of which only the play counts.
     """
-    from jointplay.model.gear import Gear
-
     gears = dict(mechanism.gears)
     for joint, name in plays:
         if name == "gear_play" and joint not in gears:

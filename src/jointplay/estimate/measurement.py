@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 from scipy.stats import median_abs_deviation
 
-from jointplay.base.errors import JointplayError, MissingName, require_positive
+from jointplay.base.errors import JointplayError, require_known, require_positive
 from jointplay.base.schema import known_keywords
 from jointplay.base.tables import Column, Table, counted, few
 from jointplay.estimate import columns
@@ -79,8 +79,7 @@ class Measurement:
             text = f"times must increase, but {was:g} s is followed by {now:g} s"
             raise JointplayError(f"{self.source}: {text} (record {late[0] + 2})")
         for kind, value in self.noise.items():
-            if kind not in (kinds := (*TOOL_UNITS, *JOINT_UNITS)):
-                raise MissingName("signal that could have noise", kind, kinds)
+            require_known("signal that could have noise", kind, (*TOOL_UNITS, *JOINT_UNITS))
             require_positive(f"noise of {kind!r}", value, "SI")
         for key, values in self.signals.items():
             if np.shape(values) != time.shape:

@@ -133,7 +133,12 @@ class StaticModel:
             for name, part in machine.springs.items()
         }
         """Displacement of the tool by a compliance of one of springs, by joint and way, (n, 3)."""
-        self._gives = {name: self._give(name) for name in machine.wound}
+        self._gives: dict[str, float] = {}
+        """Compliance of each joint that winds up, unless it is unknown [rad/(N m)]."""
+        for name in machine.wound:
+            gear = mechanism.gears.get(name)
+            usual = 0.0 if gear is None else 1.0 / Teeth(name, gear).stiffness[0]
+            self._gives[name] = self._stated(f"{name} torsional", usual)
         driven = dict.fromkeys([*machine.wound, *(name for kind, name in keys if kind == "torque")])
         about = {name: 2 if slides.get(name, False) else 5 for name in driven}
         self._inertia = {name: -inertia[name][:, axis] for name, axis in about.items()}
@@ -171,13 +176,10 @@ class StaticModel:
             )
         )
 
-    def _give(self, name: str) -> float:
-        """Compliance of a joint that winds up, unless it is unknown [rad/(N m)]."""
-        stated = self.machine.compliance(f"{name} torsional")
-        gear = self.mechanism.gears.get(name)
-        if gear is None or not math.isinf(stated.spread):
-            return stated.nominal
-        return 1.0 / Teeth(name, gear).stiffness[0]
+    def _stated(self, label: str, usual: float) -> float:
+        """The given compliance of a label; the scenario's `usual` one where none is given."""
+        stated = self.machine.compliance(label)
+        return usual if math.isinf(stated.spread) else stated.nominal
 
     def _on_the_path(self, names: Sequence[str]) -> dict[str, np.ndarray]:
         """Torque that the load asks of gears along the whole path, (m,) [N m].
@@ -204,14 +206,6 @@ class StaticModel:
             - np.einsum("mk,mk->m", levers[name][:, :, 5], visits.path_force)
             for name in names
         }
-
-    def _sprung(self, name: str, way: str, parameters: Mapping[str, float]) -> float:
-        """Compliance of springs or of a seat: the unknown's value, the given or the scenario's."""
-        stated = self.machine.compliance(f"{name} {way}")
-        usual = self.machine.springs[name].compliances[way]
-        return parameters.get(
-            f"{way}_compliance", usual if math.isinf(stated.spread) else stated.nominal
-        )
 
     def _elastic(self, loads: Mapping[str, np.ndarray], tool: np.ndarray) -> list[Elastic]:
         """Compliances of each joint, and of the structure at the tool (rotations (n, 3, 3))."""
@@ -254,7 +248,8 @@ class StaticModel:
             tool += np.einsum("nij,nj->ni", bearing.levers, point)
         for name, ways in self._springs.items():
             for way, moved in ways.items():
-                tool += self._sprung(name, way, values.get(name, {})) * moved
+                usual = self._stated(f"{name} {way}", self.machine.springs[name].compliances[way])
+                tool += values.get(name, {}).get(f"{way}_compliance", usual) * moved
         lags = {name: self._lag(name, *values.get(name, {}).items()) for name in self._gives}
         for name, (twist, _, _) in lags.items():
             tool += self._arms[name] * twist[:, None]
@@ -265,8 +260,14 @@ class StaticModel:
                 means[:, column] = lags[name][0]
             elif name in lags:
                 means[:, column] = lags[name][1]
-            else:
-                means[:, column] = self._torque(name, values.get(name, {}))
+            else:  # of a drive without gear on a joint that moves
+                at, viscous = self.visits.joints.index(name), self._friction(name).viscous
+                torque = self._hold[name] - np.einsum(
+                    "nk,nk->n", self._arms[name], self.visits.force
+                )
+                dry = self._dry(name, values.get(name, {}))
+                torque = torque + dry * self.visits.direction[:, at]
+                means[:, column] = torque + viscous * self.visits.speed[:, at]
         return means
 
     def turned(
@@ -360,15 +361,6 @@ class StaticModel:
 
     def _friction(self, name: str) -> JointFriction:
         return self.machine.friction.get(name, JointFriction())
-
-    def _torque(self, name: str, parameters: Mapping[str, float]) -> np.ndarray:
-        """Torque of a drive without gear on a joint that moves, (n,) [N m or N]."""
-        column = self.visits.joints.index(name)
-        external = np.einsum("nk,nk->n", self._arms[name], self.visits.force)
-        torque = self._hold[name] - external
-        torque = torque + self._dry(name, parameters) * self.visits.direction[:, column]
-        viscous = self._friction(name).viscous
-        return np.asarray(torque + viscous * self.visits.speed[:, column])
 
     def _wound(
         self,

@@ -87,16 +87,8 @@ class Journal(Part):
         for name, value in self.component.clearances.items():
             most = max(_LARGEST_CLEARANCE_M, 10.0 * value)
             yield Unknown(self.joint, name, "m", value, value, most)
-        if coefficient := friction_of(self.component):
-            yield Unknown(
-                self.joint,
-                "friction",
-                "",
-                coefficient,
-                coefficient,
-                2.0,
-                model_error=FRICTION_MODEL_ERROR,
-            )
+        if mu := friction_of(self.component):
+            yield Unknown(self.joint, "friction", "", mu, mu, 2.0, model_error=FRICTION_MODEL_ERROR)
 
     def holding(self, values: Mapping[str, float]) -> Clearance:
         sizes = {
@@ -133,15 +125,8 @@ class Elements(Part):
         else:
             value, pressed = bearing.bought_clearance, _MOST_PRELOAD * bearing.d_element
             least, most = min(-pressed, 2.0 * value), bearing.loosest
-            yield Unknown(
-                self.joint,
-                "radial_clearance",
-                "m",
-                value,
-                max(abs(value), _SMALL_CLEARANCE_M),
-                most,
-                least=least,
-            )
+            scale = max(abs(value), _SMALL_CLEARANCE_M)
+            yield Unknown(self.joint, "radial_clearance", "m", value, scale, most, least=least)
         turn = 2.0 * self.period
         yield Unknown(
             self.joint, "cage_angle", "rad", bearing.cage_angle, 0.25 * self.period,
@@ -160,10 +145,8 @@ class Elements(Part):
         return 2.0 * math.pi / self.component.count * (1.0 + self.component.roller_elements)
 
     def holding(self, values: Mapping[str, float]) -> RollingBearing:
-        bearing, changes = self.component, dict[str, float]()
-        for name in ("radial_clearance", "preload"):
-            if name in values:
-                changes[name] = values[name]
+        bearing, sizes = self.component, ("radial_clearance", "preload")
+        changes = {name: values[name] for name in sizes if name in values}
         if "stiffness_factor" in values:
             changes["element_stiffness"] = bearing.stiffness_of_element * values["stiffness_factor"]
         return _changed(bearing, tuple(changes.items()))
@@ -248,11 +231,8 @@ class Teeth(Part):
         """Stiffness of each piece of its curve [N m/rad]: K1, K2 and K3 of strain-wave gears."""
         gear = self.component
         if isinstance(gear, StrainWaveGear):
-            pieces = [gear.stiffness_1]
-            for piece in (gear.stiffness_2, gear.stiffness_3):
-                if piece is not None:
-                    pieces.append(piece)
-            return tuple(pieces)
+            pieces = gear.stiffness_1, gear.stiffness_2, gear.stiffness_3
+            return tuple(piece for piece in pieces if piece is not None)
         return (cast(Gear | CycloidalGear | GearTrain, gear).stiffness,)
 
     @property
@@ -273,15 +253,8 @@ class Teeth(Part):
         if isinstance(gear, StrainWaveGear | CycloidalGear):
             if gear.hysteresis or "hysteresis" in also:
                 value = gear.hysteresis
-                yield Unknown(
-                    joint,
-                    "hysteresis",
-                    "rad",
-                    value,
-                    value or 2e-4,
-                    1.0,
-                    model_error=FRICTION_MODEL_ERROR,
-                )
+                unknown = Unknown(joint, "hysteresis", "rad", value, value or 2e-4, 1.0)
+                yield replace(unknown, model_error=FRICTION_MODEL_ERROR)
             if gear.stated_lost_motion is not None:
                 value = gear.stated_lost_motion
                 yield Unknown(joint, "lost_motion", "rad", value, value, 1.0)

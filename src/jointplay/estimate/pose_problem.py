@@ -2,8 +2,8 @@
 
 A `Problem` states what a model predicts by its own unknowns (the poses of base and tool) and by the
 coefficients of columns, one for each cause of errors in a joint. `Problem.fit` gives a `Fitted`,
-which says how well it predicts poses that it has not seen, how far each joint is turned by its
-load, and where the joints' frames are.
+which says how well it predicts poses that it has not seen, and how far each joint is turned by its
+load.
 """
 
 from __future__ import annotations
@@ -15,7 +15,6 @@ from functools import cached_property
 from typing import ClassVar, Self
 
 import numpy as np
-import pinocchio as pin
 from scipy.stats import f as fisher
 
 from jointplay.estimate.kinematic_model import COORDINATE, Column, Poses
@@ -86,12 +85,9 @@ class Problem(ABC):
     def errors(self, theta: np.ndarray, rows: np.ndarray) -> list[np.ndarray]:
         """Measured less predicted of some rows, for each kind (n, components) [SI]."""
         least = self.at(rows)
-        off, errors, begin = -least.error * least.residual(theta)[: len(least.error)], [], 0
-        for _, axes in self.kinds.values():
-            end = begin + len(rows) * len(axes)
-            errors.append(off[begin:end].reshape(len(rows), -1))
-            begin = end
-        return errors
+        off = -least.error * least.residual(theta)[: len(least.error)]
+        ends = np.cumsum([len(rows) * len(axes) for _, axes in self.kinds.values()])
+        return [part.reshape(len(rows), -1) for part in np.split(off, ends)[:-1]]
 
     def fit(self, rows: np.ndarray, start: np.ndarray) -> Fitted:
         """Fit some rows, from unknowns (p,) on."""
@@ -136,24 +132,6 @@ class Fitted(Fit):
         distance = np.einsum("na,na->n", off, np.linalg.solve(spread, off[:, :, None])[:, :, 0])
         limit = axes * fisher.ppf(CONFIDENCE, axes, max(self.freedom, 1.0))  # Hotelling's T squared
         return distance <= limit, distance / axes
-
-    def corrections(self) -> dict[str, pin.SE3]:
-        """Poses of the joints' frames by this model in their nominal frames, by joint.
-
-        With the joint at zero by its encoder: what `placement` and `offset` say.
-        """
-        poses, moved = self.problem.poses, np.zeros((len(self.problem.poses.names), COORDINATE + 1))
-        for column, value in zip(self.problem.columns, self.coefficients, strict=True):
-            if column.term.kind in CONSTANT:
-                moved[column.index, column.target] += value
-        corrections = {}
-        joints = zip(poses.names, poses.axis, poses.turns, moved, strict=True)
-        for name, axis, turns, shift in joints:
-            if shift.any():
-                step = shift[COORDINATE] * axis
-                zero = (pin.exp3(step), np.zeros(3)) if turns else (np.eye(3), step)
-                corrections[name] = pin.SE3(pin.exp3(shift[3:6]), shift[:3]) * pin.SE3(*zero)
-        return corrections
 
     def loops(self) -> Iterator[Loop]:
         """Loops of joints whose play was fitted: how far load and approach turn each.

@@ -19,7 +19,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from operator import attrgetter
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -28,11 +28,10 @@ from jointplay.base.errors import JointplayError, MissingName, require_a, requir
 from jointplay.base.imports import extra
 from jointplay.base.progress import ProgressBar
 from jointplay.base.schema import known_keywords
+from jointplay.base.units import convert
+from jointplay.estimate.columns import Key
+from jointplay.estimate.measurement import JOINT_UNITS, TOOL_UNITS, Measurement, sliding_of
 from jointplay.simulation.motion import rosbag
-
-if TYPE_CHECKING:
-    from jointplay.estimate.columns import Key
-    from jointplay.estimate.measurement import Measurement
 
 _NANO = 1_000_000_000
 _JOINT_FIELDS = {"motor": "position", "link": "position", "torque": "effort"}
@@ -207,21 +206,18 @@ class Recording:
             JointplayError: what does not exist, fit or overlap in time; directions in other axes
                 than the world's; a damaged file; a missing library; see also `Measurement`.
         """
-        from jointplay.estimate.measurement import Measurement, sliding_of
-
         sources, maps = self._sources(), self._maps()
         series, notes = self._dataset(sources) if self.is_dataset else self._bag(sources, progress)
         for target in maps:
-            if target not in (*joints, *"xyz"):
-                raise MissingName("joint or axis", target, [*joints, "x", "y", "z"])
+            require_known("joint or axis", target, [*joints, "x", "y", "z"])
         recorded = dict.fromkeys(name for _, values in series.values() for name in values)
         for mapping in maps.values():
             require_known("recorded name", mapping.name, recorded)
         # Times of each signal's records, integers [ns], and values [SI].
         signals: dict[Key, tuple[np.ndarray, np.ndarray]] = {}
         for source in sources:
-            if source.joint and source.joint not in joints:
-                raise MissingName("joint", source.joint, joints)
+            if source.joint:
+                require_known("joint", source.joint, joints)
             time, values = series[source]
             for key, numbers in self._signals(source, values, joints, maps, notes).items():
                 where = f"{self.path}, {source.name}"
@@ -398,8 +394,6 @@ class Recording:
         notes: list[str],
     ) -> dict[Key, np.ndarray]:
         """Signals of joints or axes from one source [SI]; `notes` grow by what is left out."""
-        from jointplay.estimate.measurement import JOINT_UNITS, TOOL_UNITS
-
         kind, joint, name, unit = source
         units = JOINT_UNITS.get(kind) or (TOOL_UNITS[kind],) * 2
 
@@ -536,8 +530,6 @@ def _place(root: Path, episode: int, parquet: Any) -> dict[str, int]:
 
 def _si(text: str, goal: str, name: str) -> float:
     """Number of a text with a unit, in the SI unit `goal`; errors begin with `name`."""
-    from jointplay.base.units import convert
-
     try:
         return float(convert(text, goal))
     except ValueError as error:

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from jointplay.base.errors import JointplayError, MissingName, require_known
+from jointplay.base.errors import JointplayError, require_known
 from jointplay.base.schema import known_keywords
 from jointplay.estimate import columns
 from jointplay.estimate.unknowns import MINOR
@@ -37,6 +37,8 @@ _MOST_LABELS = 6
 """Largest number of markers whose labels are checked: all permutations are tried."""
 _SMALLEST_MOVE = 1e-6
 """Smallest move by which a joint is approached from a side [rad or m], below any encoder's step."""
+_SHAPE_ROUNDS = 20
+"""Rounds in which the shape and the poses of a rigid body are improved in turn."""
 _NOT_ROTATION = 1e-3
 """Largest error of an entry of R^T R of a rotation matrix R (judged)."""
 
@@ -113,8 +115,7 @@ class StaticPoses:
                 raise self._wrong(f"the orientation in row {worst + 1} is not a rotation matrix")
         for pair in self.distances:
             for name in pair:
-                if name not in (self.point or ()):
-                    raise MissingName("point", name, dict.fromkeys(self.point or ()))
+                require_known("point", name, dict.fromkeys(self.point or ()))
 
     def _wrong(self, text: str) -> JointplayError:
         return JointplayError(f"{self.source}: {text}")
@@ -273,14 +274,11 @@ def nearest_rotation(matrix: np.ndarray) -> np.ndarray:
     return np.asarray(u @ np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ v))]) @ v)
 
 
-def rigid_body(
-    markers: np.ndarray, rounds: int = 20
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def rigid_body(markers: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Mean shape of a body of m markers and its pose in each row (Procrustes analysis).
 
     Args:
         markers: positions, shape (n, m, 3) [m].
-        rounds: rounds in which shape and poses are improved in turn.
 
     Returns:
         The shape about its centre (m, 3) [m]; rotations (n, 3, 3); the centre's positions (n, 3)
@@ -294,7 +292,7 @@ def rigid_body(
     centre = markers.mean(axis=1)
     about = markers - centre[:, None]
     shape = about[0]
-    for _ in range(rounds):
+    for _ in range(_SHAPE_ROUNDS):
         rotations = np.array([nearest_rotation(row.T @ shape) for row in about])
         shape = np.mean(about @ rotations, axis=0)
     off = about - np.einsum("nij,kj->nki", rotations, shape)

@@ -17,7 +17,6 @@ from jointplay.base.errors import MissingName
 from jointplay.base.tables import Table
 from jointplay.base.units import rounded
 
-CANNOT_TELL = "this measurement cannot tell"
 CONFIDENCE = 0.95
 """Probability that an interval (two-sided) or a bound (one-sided) holds the truth: as is usual."""
 TWO_SIDED = 0.5 + CONFIDENCE / 2.0
@@ -151,7 +150,7 @@ class Estimate:
     def cells(self) -> tuple[str, str]:
         """Texts of the value and of the interval, for tables."""
         if self.reason:
-            return "-", CANNOT_TELL
+            return "-", "this measurement cannot tell"
         if self.bounded:
             return "-", f"none told; {self.span}"
         note = f" ({self.note})" if self.note else ""
@@ -165,8 +164,8 @@ class Estimate:
         """The estimate as plain data [SI]; without numbers where the measurement cannot tell."""
         unknown, numbers = self.unknown, {"expected": self.unknown.nominal}
         if not self.reason:
-            numbers |= {"found": self.value, "low": self.low, "high": self.high}
-            numbers |= {"upper": self.upper}
+            low, high = self.interval
+            numbers |= {"found": self.value, "low": low, "high": high, "upper": self.upper}
         row: dict[str, Any] = {"joint": unknown.joint, "quantity": unknown.name}
         row |= {"unit": unknown.unit, "reason": self.reason, "note": self.note}
         return row | {name: float(x) for name, x in numbers.items() if np.isfinite(x)}
