@@ -31,6 +31,7 @@ from jointplay.study import open_sweep, plan_of
 from jointplay.study.case import Bench, job
 from jointplay.study.measures import COST
 from jointplay.study.store import DONE, Outcome, SweepStore
+from jointplay.study.sweep_plan import Cases
 from jointplay.study.sweeps import workers_for
 
 CLEARANCES = ["joints.joint_b.radial_clearance", "joints.joint_b.axial_clearance"]
@@ -63,7 +64,7 @@ def pairs(duration, number, rounds=1):
     bench = Bench(job(made))
     bench.run((0,), made.changes((0,)))
     found = np.full((number, 3), np.inf)
-    for best, index in zip(found, made.cases, strict=True):
+    for best, index in zip(found, Cases(made), strict=True):
         simulation = bench.simulation(made.changes(index))
         for _ in range(rounds):
             run = jp.Run(simulation)
@@ -85,7 +86,7 @@ def bookkeeping(outcome, number, folder):
     made = planned(SHORT_S, number)
     store = SweepStore(folder / "stored", made)
     began = time.process_time()
-    for index in made.cases:
+    for index in Cases(made):
         made.changes(index)
         store.keep(index, Outcome(index, DONE, outcome.values))
     took = (time.process_time() - began) / number
@@ -110,7 +111,7 @@ def messages(number):
     made = planned(SHORT_S, number)
     with closing(workers_for(made, 1)) as workers:
         began = time.process_time()
-        deque(workers.run(made.cases.items()), 0)
+        deque(workers.run(Cases(made).items()), 0)
         return (time.process_time() - began) / number
 
 
@@ -123,13 +124,13 @@ def gain(number, rounds):
     with ExitStack() as stack:
         crews = {n: stack.enter_context(closing(workers_for(made, n))) for n in times}
         for crew in crews.values():
-            deque(crew.run(islice(made.cases.items(), 4)), 0)
+            deque(crew.run(islice(Cases(made).items(), 4)), 0)
         (worker,) = crews[1].processes.values()
         before = memory(worker.pid)
         for _ in range(rounds):
             for workers, crew in crews.items():
                 began = time.perf_counter()
-                for _, outcome in crew.run(made.cases.items()):
+                for _, outcome in crew.run(Cases(made).items()):
                     if outcome.status != DONE:
                         raise SystemExit(outcome.error)
                     spent[workers].append(outcome.values[COST])

@@ -34,8 +34,7 @@ import twins
 
 from jointplay import cli
 from jointplay.base.errors import JointplayError
-from jointplay.base.pairs import number
-from jointplay.cli.commands.inputs import FLAGS
+from jointplay.cli.commands.inputs import FLAGS, READERS
 from jointplay.model.robots import shipped
 from jointplay.simulation.result import netcdf
 from jointplay.simulation.simulation import Simulation
@@ -356,7 +355,7 @@ NUMBERS = {
 
 
 def _is_number(action: argparse.Action) -> bool:
-    texts = {flag.name for flag in FLAGS if flag.read is not number}
+    texts = {flag.name for flag in FLAGS if flag.attribute in READERS}
     given = {action.metavar} if isinstance(action.metavar, str) else set(action.metavar or ())
     if set(action.option_strings) & {*texts, "--host"}:
         return False
