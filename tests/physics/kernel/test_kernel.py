@@ -274,7 +274,7 @@ print(len(files), {end for end in ends})
 def test_what_is_damaged_is_compiled_again_and_what_is_kept_needs_no_numba(tmp_path):
     program = tmp_path / "kept.py"
     program.write_text(KEPT)
-    # Without what an earlier test may have had set: then too the first function compiled is the same.
+    # Without variables that earlier tests have had set: the first function is compiled as others.
     plain = {name: value for name, value in os.environ.items() if not name.startswith("NUMBA_")}
     done = subprocess.run(
         [sys.executable, str(program), str(tmp_path / "cache")],
