@@ -92,7 +92,7 @@ def _as_part() -> Iterator[None]:
     """Within the block numba does not optimise; nor is garbage collected, as there is none."""
     global _lowering_part
     _ = cpu_target.target_context  # first makes the code generator, at its usual optimisation
-    config.reload_config()  # else numba reloads it at its first compilation, and undoes what follows
+    config.reload_config()  # else numba does at its first compilation, and undoes what follows
     level, collects, within = config.OPT, gc.isenabled(), _lowering_part
     config.OPT, _lowering_part = type(level)(0), True
     gc.disable()
