@@ -346,6 +346,21 @@ def test_the_command_line_allocates_by_class(tmp_path, capsys):
     assert (out / "allocation.csv").read_text().startswith("joint,cause,class,")
 
 
+@pytest.mark.parametrize(
+    ("joint", "says"),
+    [
+        ("elbow_joint=0.1mm", "; assumed: bearings of 20 x 40 mm"),
+        ("elbow_joint=20H8/f7", "; assumed: bearings 40 mm long"),
+        ("elbow_joint=6010", ""),
+    ],
+)
+def test_the_first_line_says_what_sizes_of_bearings_are_assumed(joint, says, capsys):
+    assert main(["allocate", "ur5", "--joint", joint, "--target", "1 mm"]) == 0
+    first = capsys.readouterr().out.splitlines()[0]
+    assert first.endswith(says)
+    assert ("assumed" in first) == bool(says)
+
+
 # Causes of error.
 
 POSE = {"shoulder_lift_joint": -0.7, "elbow_joint": 0.9, "wrist_1_joint": 0.3}

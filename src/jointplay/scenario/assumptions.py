@@ -169,14 +169,9 @@ def assumed_clearances(scenario: Scenario, case: str, mechanism: Mechanism) -> l
     return list(dict.fromkeys(causes))
 
 
-def undecided_at_rest(
-    scenario: Scenario, case: str, mechanism: Mechanism, loaded: bool
-) -> list[str]:
-    """Values that nobody gave and that decide where a machine rests, a few words each.
-
-    `loaded`: whether it bears loads that its drives do not know.
-    """
-    origins, causes = scenario.origins(case), assumed_clearances(scenario, case, mechanism)
+def assumed_bearings(scenario: Scenario, case: str, mechanism: Mechanism) -> list[str]:
+    """Sizes of bearings that nobody gave, which decide how far journals tilt, a few words each."""
+    origins, causes = scenario.origins(case), list[str]()
     for name, joint in mechanism.clearance.items():
         sizes = [key for key in ("bearing_radius", "bearing_length") if hasattr(joint, key)]
         known = given(origins, "joints", name) | ({sizes[0]} if joint.fitted and sizes else set())
@@ -188,6 +183,18 @@ def undecided_at_rest(
                 causes.append(f"bearings of {diameter:g} mm")
             else:
                 causes.append(f"bearings of {diameter:g} x {length:g} mm")
+    return list(dict.fromkeys(causes))
+
+
+def undecided_at_rest(
+    scenario: Scenario, case: str, mechanism: Mechanism, loaded: bool
+) -> list[str]:
+    """Values that nobody gave and that decide where a machine rests, a few words each.
+
+    `loaded`: whether it bears loads that its drives do not know.
+    """
+    origins, causes = scenario.origins(case), assumed_clearances(scenario, case, mechanism)
+    causes += assumed_bearings(scenario, case, mechanism)
     if any(quantity == "stiffness" for _, quantity in mechanism.rules):
         causes.append(f"gears' stiffness by rule, to a factor of {SPREAD:g}")
     geared = set(mechanism.gears) - given(origins, "drives")

@@ -10,7 +10,12 @@ from jointplay.accuracy.poses import Poses, poses_of, read_pose, read_poses
 from jointplay.base.errors import JointplayError
 from jointplay.base.origins import Value
 from jointplay.model.mechanism import Mechanism
-from jointplay.scenario.assumptions import assumed, notes_at_poses, undecided_at_rest
+from jointplay.scenario.assumptions import (
+    assumed,
+    assumed_bearings,
+    notes_at_poses,
+    undecided_at_rest,
+)
 from jointplay.scenario.reading import Scenario, Setting
 from jointplay.scenario.request import Request
 from jointplay.simulation.motion.reference import Motion
@@ -101,6 +106,11 @@ class PosedMachine:
         machine = self.poses.machine
         loaded = bool(machine.payloads or machine.loads) or force
         return assumed(undecided_at_rest(self.scenario, self.case, self.mechanism, loaded))
+
+    @property
+    def bearings_not_given(self) -> str:
+        """A clause on sizes of bearings that nobody gave and that decide how far journals tilt."""
+        return assumed(assumed_bearings(self.scenario, self.case, self.mechanism))
 
     @property
     def mechanism(self) -> Mechanism:

@@ -144,7 +144,8 @@ def run(options: argparse.Namespace) -> int:
         error = {f"error_{allotment.unit}": allotment.error}
         return {"choices": allotment.data(), **error, "values": posed.values}
 
-    print_answer(allotment.sentence, replace(table, notes=shown), notes, options, data=data)
+    answer = allotment.sentence + posed.bearings_not_given
+    print_answer(answer, replace(table, notes=shown), notes, options, data=data)
     if options.verify is not None:
         from jointplay.study.courses import dynamic_error
 

@@ -57,7 +57,8 @@ def run(options: argparse.Namespace) -> int:
     check_numbers(counts.runs, options.jobs)
     for percent in names:
         require_positive("--speed", percent, "%")
-    simulation, poses = _in_cube(options, simulation_of(options)[0])
+    posed, assumed = simulation_of(options)
+    simulation, poses = _in_cube(options, posed)
     for percent in names:
         check(simulation, percent / 100.0)
     folder = out.claim()
@@ -72,12 +73,13 @@ def run(options: argparse.Namespace) -> int:
             keep=None if folder is None else folder / "cycles",
             progress=not options.quiet,
         )
+        answer = performance.sentence + assumed
         if options.detail:
-            print_answer(performance.sentence, performance, (), options)
+            print_answer(answer, performance, (), options)
         else:
             conditions = f"conditions: {performance.conditions}"
             notes = [*performance.causes, conditions, performance.validity]
-            print_answer(performance.sentence, performance.brief, notes, options, more=True)
+            print_answer(answer, performance.brief, notes, options, more=True)
         if options.out:
             from jointplay.show.plots import design as plots
 

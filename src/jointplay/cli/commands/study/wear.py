@@ -41,7 +41,7 @@ def run(options: argparse.Namespace) -> int:
 
     if options.out:
         files.check_new(options.out)
-    simulation, _ = simulation_of(options)
+    simulation, assumed = simulation_of(options)
     life = wear(
         simulation,
         options.joint,
@@ -52,7 +52,7 @@ def run(options: argparse.Namespace) -> int:
     columns = [Column("cycles", life.cycles)]
     names = ("deepest", "mean", *(("bore", "journal") if life.both_wear else ()))
     columns += [Column(name, getattr(life, name), "m", fine=True) for name in names]
-    print_answer(str(life), Table(columns), (), options)
+    print_answer(f"{life}{assumed}", Table(columns), (), options)
     if options.out:
         files.write(options.out, life.table.csv())
         print(f"profiles in {options.out}")
