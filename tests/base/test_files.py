@@ -513,6 +513,10 @@ def test_damaged_arrays_are_a_value_error_whatever_is_damaged(tmp_path, save):
     ("start", "said"),
     [
         (b"#ROSBAG V2.0\n", "a bag of ROS 1; rosbags-convert"),
+        (
+            b"SQLite format 3\0\xff",
+            "a database of SQLite, as bags of ROS 2 can be",
+        ),
         (b"PK\x03\x04", "save the table as CSV"),
         (b"\xff\xfe", "UTF-16"),
     ],

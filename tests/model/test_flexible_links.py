@@ -162,6 +162,7 @@ def test_a_run_rings_at_its_first_frequency_with_its_damping_ratio(strip):
     falls = np.log(peaks[1] / peaks[-1]) / (len(peaks) - 2)
     assert falls / (2.0 * np.pi) == pytest.approx(STRIP.damping_ratio, rel=0.05)
     assert abs(result.audit.relative_energy_residual) < 1e-5
+    assert result.audit.judged_impacts == 0  # springs touch from the start on
 
 
 def test_shear_adds_what_timoshenko_says(strip):

@@ -455,6 +455,6 @@ def test_a_floating_joint_to_the_ground_is_a_base_that_is_held_or_free(urdf, cap
     assert Mechanism(path, base="free").model.nv == 7
     command = [str(path), "--joint", "j", "--clearance", "0.1 mm"]
     assert main(["budget", *command]) == 0
-    assert "'float' to the ground: the base is held unless --base free" in capsys.readouterr().out
+    assert "'float' to the ground: --base free, or held (default)" in capsys.readouterr().out
     short = ["--set", "integration.duration=0.01", "--no-figures", "--out", str(tmp_path / "o")]
     assert main(["run", *command, *short, "--base", "free"]) == 0

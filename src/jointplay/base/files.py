@@ -377,6 +377,8 @@ _BEGINNINGS = {
     _HDF5: "a result",
     b"#ROSBAG V": "a bag of ROS 1; rosbags-convert --src IN.bag --dst OUT --dst-storage mcap "
     "--dst-typestore ros2_humble (pip install rosbags) makes an MCAP of it",
+    b"SQLite format 3": "a database of SQLite, as bags of ROS 2 can be; rosbags-convert --src IN "
+    "--dst OUT --dst-storage mcap (pip install rosbags) makes an MCAP of a bag",
     b"PK\x03\x04": "a ZIP archive, as spreadsheets are; save the table as CSV",
     b"\x93NUMPY": "an array of NumPy; numpy.savetxt writes a table",
     b"\x1f\x8b": "compressed by gzip; unpack it",

@@ -37,7 +37,7 @@ def without_floating_base(description: Description, clearance: Collection[str]) 
         return description
     root = description.elements()
     for name in bases:
-        doubt(root, f"floating joint {name!r} to the ground: the base is held unless --base free")
+        doubt(root, f"floating joint {name!r} to the ground: --base free, or held (default)")
     return with_fixed(read_again(description, root, "floating joint"), bases)
 
 

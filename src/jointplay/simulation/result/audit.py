@@ -500,6 +500,8 @@ class Auditor:
         seconds = 0.0 if self._before is None else float(self._before[0][-1])
         noise = max(self._peak, self._peak_before) * SPEED_NOISE * seconds
         before = unjudged or {name: np.zeros(1) for name in ("onsets", "impulse")}
+        # What touches where a run begins, as all springs do, need not have had an onset.
+        onsets = np.maximum(statistics["onsets"] - before["onsets"], 0.0)
         late = self._judged_from > 0.0
         residual, load = (rest.residual, rest.load) if rest else (None, None)
         if rest and not rest.inside:  # where it ended says nothing
@@ -528,7 +530,7 @@ class Auditor:
             start_residual=residual,
             start_load=load,
             judged_from=self._judged_from,
-            judged_impacts=int((statistics["onsets"] - before["onsets"]).sum()),
+            judged_impacts=int(onsets.sum()),
             judged_impulse=float((statistics["impulse"] - before["impulse"]).sum()),
             peak_force=self._peak if mechanism.clearance else None,
             peak_force_before=self._peak_before if mechanism.clearance and late else None,
