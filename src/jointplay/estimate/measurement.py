@@ -118,8 +118,8 @@ class Measurement:
             return columns.meaning(name, joints, JOINT_UNITS, axes)
 
         choices = (
-            "time, tool x (y, z), force x (y, z), and JOINT (or JOINT motor, JOINT position), JOINT "
-            f"link, JOINT torque, JOINT goal (not used) of the joints {', '.join(joints)}"
+            "time, tool x (y, z), force x (y, z), and JOINT (or JOINT motor, JOINT position), "
+            f"JOINT link, JOINT torque, JOINT goal (not used) of the joints {', '.join(joints)}"
         )
         gaps = ("time", *TOOL_UNITS, *JOINT_UNITS)
         signals, _ = columns.read(path, "measurement", known, choices, gaps=gaps)
