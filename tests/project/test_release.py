@@ -136,7 +136,7 @@ def test_from_a_released_wheel_a_first_run_compiles_nothing(tmp_path):
 
 
 def test_what_is_advised_to_install_is_there():
-    advice = re.compile(r"pip install (?:-q )?(?:--no-compile )?(?:-e )?'([^']*)'")
+    advice = re.compile(r"pip install (?:-q )?(?:-e )?'([^']*)'")
     said = {}
     for path in [ROOT / "README.md", *(ROOT / "docs").rglob("*.md"), *(ROOT / "src").rglob("*.py")]:
         for name in advice.findall(path.read_text()):

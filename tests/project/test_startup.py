@@ -148,8 +148,7 @@ def test_a_check_without_a_picture_needs_no_library_of_results_and_figures(folde
 
 UNUSED = (
     *("numba", "fontTools.subset", "trimesh", "yourdfpy", "meshcat", "pint", "dask.array"),
-    "distributed",
-    *("scipy.signal", "scipy.stats"),
+    *("distributed", "scipy"),
 )
 """What takes long to import, and a run that draws its figures does not need."""
 

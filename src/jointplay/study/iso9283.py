@@ -35,7 +35,7 @@ from jointplay.base.schema import known_keywords
 from jointplay.base.tables import Table, aligned
 from jointplay.base.units import readable
 from jointplay.model.mechanism import Mechanism
-from jointplay.simulation.analysis.tool_error import rotations, stops
+from jointplay.simulation.analysis.tool_error import stops, turns_between
 from jointplay.simulation.analysis.twins import ideal_simulation
 from jointplay.simulation.analysis.uncertainty import IntervalEstimate
 from jointplay.simulation.motion.cartesian import cartesian_path
@@ -165,8 +165,7 @@ def turns_of(runs: Sequence[Trace], ideal: Trace) -> np.ndarray | None:
     recorded = [run.orientation for run in runs if run.orientation is not None]
     if ideal.orientation is None or len(recorded) < len(runs):
         return None
-    inverse = rotations(ideal.orientation).inv()
-    return np.stack([(rotations(orientation) * inverse).as_rotvec() for orientation in recorded])
+    return np.stack([turns_between(ideal.orientation, orientation) for orientation in recorded])
 
 
 _PHRASES = {

@@ -356,12 +356,23 @@ def test_an_ideal_machine_that_stands_where_it_begins_is_the_twin_of_either_star
 
 
 def test_orientations_that_are_none_are_refused():
-    from jointplay.simulation.analysis.tool_error import rotations
-
     good = np.array([[1.0, 0.0, 0.0, 0.0]])
-    assert rotations(good).magnitude() == 0.0
+    assert tool_error.rotations(good).magnitude() == 0.0
+    bad = np.concatenate([good, 0.0 * good])
     with pytest.raises(jp.JointplayError, match="record 2 has no orientation of the tool"):
-        rotations(np.concatenate([good, 0.0 * good]))
+        tool_error.rotations(bad)
+    with pytest.raises(jp.JointplayError, match="record 2 has no orientation of the tool"):
+        tool_error.turns_between(np.concatenate([good, good]), bad)
+
+
+@pytest.mark.parametrize("size", [1.0, 1e-3, 1e-9, 0.0])
+def test_turns_are_those_of_scipy(size):
+    known = size * Rotation.random(200, rng=1).as_rotvec()
+    first = Rotation.random(200, rng=2)
+    then = (Rotation.from_rotvec(known) * first).as_quat(scalar_first=True)
+    then[::2] *= -1.0  # the same orientations
+    turns = tool_error.turns_between(first.as_quat(scalar_first=True), then)
+    assert np.abs(turns - known).max() <= 1e-15 * (1.0 + 2.0 * size)
 
 
 def test_a_run_that_stopped_at_a_state_that_is_no_number_is_summed_up_to_there():

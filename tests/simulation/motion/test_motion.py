@@ -2,6 +2,9 @@
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.interpolate import BPoly, PPoly
 
 from jointplay import JointplayError, Mechanism, Motion, shipped
 from jointplay.simulation.loads import ComputedTorque
@@ -35,6 +38,18 @@ def test_derivatives_belong_to_the_position(interpolation):
     _, v, a = motion(t)
     assert np.allclose((q1 - q0) / (2 * h), v, atol=1e-6)
     assert np.allclose((v1 - v0) / (2 * h), a, atol=1e-4)
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(2, 8))
+def test_polynomials_are_those_of_scipy_to_the_last_bit(seed, number):
+    rng = np.random.default_rng(seed)
+    times, places = np.cumsum(rng.uniform(0.05, 2.0, number)), rng.normal(size=(number, 3))
+    corners = np.stack([places[:-1]] * 3 + [places[1:]] * 3)
+    known = PPoly.from_bernstein_basis(BPoly(corners, times))
+    at = np.concatenate([times, rng.uniform(times[0], times[-1], 50)])
+    motion = Motion(["a", "b", "c"], times, places, "rest-to-rest")(at)
+    for values, order in zip(motion, range(3), strict=True):
+        assert np.array_equal(values, known.derivative(order)(at))
 
 
 def test_joints_stand_still_outside_the_motion():
@@ -176,8 +191,8 @@ def test_a_turning_crank_keeps_its_speed_at_both_ends(tmp_path):
     file = tmp_path / "crank.csv"
     rows = [f"{t!r},{62.83185 * t!r}" for t in np.linspace(0.0, 0.1, 101).tolist()]
     file.write_text("\n".join(["time_s,crank", *rows]) + "\n")
-    for given in (None, "spline"):
-        motion = Motion.from_csv(file, given)
+    for interpolation in (None, "spline"):
+        motion = Motion.from_csv(file, interpolation)
         _, v, a = motion(np.linspace(0.0, 0.1, 5001))
         assert np.abs(v - 62.83185).max() < 1e-8
         assert np.abs(a).max() < 1e-3

@@ -67,9 +67,16 @@ def exact_factor(restitution: float) -> float:
 
 
 def _root(function: Callable[[float], float], low: float, high: float) -> float:
-    from scipy.optimize import brentq  # takes long to import
+    """The root of a rising function, by bisection to the last bit.
 
-    return float(brentq(function, low, high, xtol=1e-15))
+    SciPy takes longer to import than a short run takes.
+    """
+    while low < (middle := 0.5 * (low + high)) < high:
+        if function(middle) < 0.0:
+            low = middle
+        else:
+            high = middle
+    return high
 
 
 def elastic_limits(

@@ -299,8 +299,7 @@ def _error(dataset: xr.Dataset, ideal: Mapping[str, np.ndarray], of: str) -> xr.
     ours = dataset[of]
     error: xr.DataArray
     if of == "tool_orientation":
-        # Rotation vectors from the reference to ours, (n, 3).
-        turns = (rotations(ours.values) * rotations(ideal[of]).inv()).as_rotvec()
+        turns = turns_between(ideal[of], ours.values)
         along = {"time": dataset["time"].values, "axis": dataset["axis"].values}
         error = xr.DataArray(turns, along, ("time", "axis"), of)
     else:
@@ -318,10 +317,32 @@ def _error(dataset: xr.Dataset, ideal: Mapping[str, np.ndarray], of: str) -> xr.
     return error
 
 
+def turns_between(quaternions: np.ndarray, others: np.ndarray) -> np.ndarray:
+    """Rotation vectors that turn recorded quaternions into others, world axes, (n, 3) [rad].
+
+    Quaternions (n, 4) have their scalar first; their length and sign do not matter. In NumPy, as
+    SciPy takes longer to import than a short run takes.
+    """
+    _check_orientations(quaternions)
+    _check_orientations(others)
+    (a, u), (b, v) = ((q[:, :1], q[:, 1:]) for q in (quaternions, others))
+    cosine = a * b + (u * v).sum(axis=1, keepdims=True)
+    sine = a * v - b * u + np.cross(u, v)  # of half the angle, along the axis
+    size = np.linalg.norm(sine, axis=1, keepdims=True)
+    angle = 2.0 * np.arctan2(size, np.abs(cosine))
+    turns: np.ndarray = np.copysign(angle, cosine) * sine / np.where(size > 0.0, size, 1.0)
+    return turns
+
+
 def rotations(quaternions: np.ndarray) -> Rotation:
     """Rotations of recorded quaternions (n, 4), scalar first; refused if they are no rotations."""
     from scipy.spatial.transform import Rotation  # takes long to import
 
+    _check_orientations(quaternions)
+    return Rotation.from_quat(quaternions, scalar_first=True)
+
+
+def _check_orientations(quaternions: np.ndarray) -> None:
     size = np.linalg.norm(quaternions, axis=1)
     wrong = np.flatnonzero(size < 0.5)
     if wrong.size:
@@ -329,7 +350,6 @@ def rotations(quaternions: np.ndarray) -> Rotation:
             f"record {wrong[0] + 1} has no orientation of the tool: its quaternion has the length "
             f"{size[wrong[0]]:g}; the run went wrong, or its records have changed since"
         )
-    return Rotation.from_quat(quaternions, scalar_first=True)
 
 
 def _interpolation(

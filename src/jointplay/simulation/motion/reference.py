@@ -93,6 +93,44 @@ def _spline(times: np.ndarray, positions: np.ndarray) -> Any:
     return make_interp_spline(times, positions, k=5, bc_type=tuple(bound))
 
 
+@dataclass(frozen=True)
+class _Polynomials:
+    """Polynomials in pieces. SciPy, which has them, takes longer to import than a short run."""
+
+    c: np.ndarray
+    """Coefficients of each piece in the time since its beginning, the highest power first, shape
+    (degree + 1, pieces, joints) [rad or m, by powers of s]."""
+    ends: np.ndarray
+    """Times at which pieces begin, and the last one ends, shape (pieces + 1,) [s]."""
+
+    @classmethod
+    def of_corners(cls, corners: Sequence[np.ndarray], ends: np.ndarray) -> _Polynomials:
+        """From Bernstein coefficients of each degree, shape (pieces, joints) each [rad or m]."""
+        degree, spans = len(corners) - 1, np.diff(ends)[:, None]
+        c = np.zeros((len(corners), *corners[0].shape))
+        for a, corner in enumerate(corners):
+            factor = (-1) ** a * math.comb(degree, a) * corner
+            for power in range(a, degree + 1):
+                value = math.comb(degree - a, power - a) * (-1) ** power
+                c[degree - power] += factor * value / spans**power
+        return cls(c, ends)
+
+    def derivative(self, order: int) -> _Polynomials:
+        c = self.c
+        for _ in range(order):
+            c = np.polynomial.polynomial.polyder(c[::-1])[::-1]
+        return _Polynomials(c, self.ends)
+
+    def __call__(self, times: np.ndarray) -> np.ndarray:
+        """Values at `times` (n,) [s], (n, joints); the first and the last piece go on."""
+        piece = np.clip(np.searchsorted(self.ends, times, "right") - 1, 0, len(self.ends) - 2)
+        since = (times - self.ends[piece])[:, None]
+        values, power = np.zeros((len(times), self.c.shape[2])), 1.0
+        for coefficients in self.c[::-1]:
+            values, power = values + coefficients[piece] * power, power * since
+        return values
+
+
 def motion_csv(
     joints: Sequence[str], times: np.ndarray, positions: np.ndarray, interpolation: str
 ) -> str:
@@ -209,11 +247,10 @@ class Motion(Described):
             require_increasing("given waypoints", self.given.tolist(), "s", ("given",))
 
     def _fit(self) -> Any:
-        from scipy.interpolate import BPoly, PPoly  # takes long to import
-
         if self.interpolation == "rest-to-rest":
-            corners = [self.positions[:-1]] * 3 + [self.positions[1:]] * 3
-            return PPoly.from_bernstein_basis(BPoly(np.stack(corners), self.times))
+            return _Polynomials.of_corners(
+                [self.positions[:-1]] * 3 + [self.positions[1:]] * 3, self.times
+            )
         if self.interpolation == "spline":
             return _spline(self.times, self.positions)
         spans = np.diff(self.times)[:, None]
@@ -224,7 +261,7 @@ class Motion(Described):
                     "constant-speed needs the same speed between all waypoints, got "
                     f"{means[:, np.ptp(means, axis=0).argmax()]} rad/s or m/s"
                 )
-            return PPoly(np.stack([means[:1], self.positions[:1]]), self.times[[0, -1]])
+            return _Polynomials(np.stack([means[:1], self.positions[:1]]), self.times[[0, -1]])
         # Speed ramps: parabolas whose speeds meet; after them a straight line.
         speeds = [means[0]]
         for mean in means:
@@ -232,7 +269,7 @@ class Motion(Described):
         bends = np.diff(speeds, axis=0) / (2.0 * spans)
         pieces = [np.vstack([bends, 0.0 * means[:1]]), np.array(speeds), self.positions]
         ends = np.append(self.times, 2.0 * self.times[-1] - self.times[-2])
-        return PPoly(np.stack(pieces), ends)
+        return _Polynomials(np.stack(pieces), ends)
 
     @property
     def waypoints(self) -> tuple[np.ndarray, np.ndarray]:
