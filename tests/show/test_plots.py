@@ -7,7 +7,9 @@ import matplotlib as mpl
 import numpy as np
 import pytest
 from matplotlib.colors import to_hex
+from warm import call
 
+import jointplay as jp
 from jointplay import analysis
 from jointplay.paper import scara
 from jointplay.physics.geometry import Mode
@@ -260,6 +262,21 @@ def test_a_single_runs_overview_has_the_forces_of_all_its_joints():
     title = "elbow_joint: the journal tilts,"
     (orbit,) = (tones for name, tones in shown.items() if name.startswith(title))
     assert shown["contact forces"][0] in orbit
+
+
+def test_an_overview_shows_the_error_that_the_first_line_states(tmp_path):
+    """From where a servo's arm was sent, not from the ideal arm on the same servos."""
+    done = call("run", "so101", "--preset", "--duration", "2 ms", "--no-figures", "--out", tmp_path)
+    assert done.returncode == 0, done.stderr
+    result = jp.Result.load(tmp_path / "result.nc")
+    error = figure_of("overview", {"result": result}).axes[0]
+    assert error.get_title() == "tool error from where it was sent"
+    line, peak = error.get_lines()
+    stated = 1e3 * np.linalg.norm(result.tool_error.reported.values, axis=1)
+    assert np.allclose(line.get_ydata(), stated)
+    (shown,) = peak.get_ydata()
+    assert f"up to {shown:.3g} mm from where it was sent" in str(result.tool_error)
+    assert shown > 2.0 * 1e3 * result.tool_error.peak
 
 
 def test_an_ideal_run_has_no_orbit_to_plot(cases):

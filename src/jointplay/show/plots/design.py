@@ -150,7 +150,10 @@ def reachable(budget: PlayBudget) -> Figure:
     angle = np.linspace(0.0, 2.0 * np.pi, 241)
     place, sag = budget.rest_positions.at(at), np.nan_to_num(budget.rest_positions.at(at).sag[:3])
     rest, ends = place.error[:3] - sag, budget.rest_positions.interval(at)[:3] - sag[:, None]
+    settled = "at rest, sag of drives aside" if sag.any() else "at rest"
     held = f"{budget.rest_positions.friction_text} may hold it"
+    if not budget.rest_positions.coefficients:  # the play of gears alone
+        held = "may rest within"
     if budget.rest_positions.unsearched:
         held = "entire play: friction not searched"
     panels = []
@@ -168,7 +171,7 @@ def reachable(budget: PlayBudget) -> Figure:
         box = [left, right, right, left, left], [low, low, high, high, low]
         marks += [
             Curve(edge[:, i], edge[:, j], "reachable", VERMILION),
-            Curve([rest[i]], [rest[j]], "at rest", GREEN, "", marker="o", size=5.0),
+            Curve([rest[i]], [rest[j]], settled, GREEN, "", marker="o", size=5.0),
             Curve(*box, held, GREEN, "--", 1.0),
             Curve([0.0], [0.0], "without play", "black", "", marker="+", size=6.0),
         ]

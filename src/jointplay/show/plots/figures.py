@@ -21,6 +21,7 @@ from jointplay.show.plots.draw import draw
 from jointplay.show.plots.names import MARK, PAPER, SHORT, is_paper_robot, kinds
 from jointplay.show.plots.palette import GREY, VERMILION, Cases, colours, many, reference
 from jointplay.simulation import analysis
+from jointplay.simulation.analysis.parts import ToolError
 from jointplay.simulation.analysis.twins import has_play
 from jointplay.simulation.analysis.vibration import TooShort
 from jointplay.simulation.result.result import AXES, Result
@@ -323,6 +324,12 @@ def _journal(result: Result, joint: str, label: str, colour: str) -> Panel:
     )
 
 
+def stated_error(error: ToolError, name: str, colour: str, line: str = "-") -> Curve:
+    """The distance over time with which the run's first line begins (`ToolError.reported`)."""
+    distance = np.linalg.norm(error.reported.values, axis=1)
+    return Curve(error.reported["time"].values, distance, name, colour, line=line)
+
+
 def overview(cases: Cases) -> Chart:
     """Tool error (or tilt), the machine with the tool's path, contact force and journal's orbit.
 
@@ -357,8 +364,16 @@ def overview(cases: Cases) -> Chart:
     if with_error:
         angle = all(result.tool_error.is_angle for _, result, _ in with_error)
         of, name = ("tool_orientation", "turn") if angle else ("tool_position", "error")
-        error = over(with_error, "deviation", "total", of=of).renamed(f"tool {name}")
-        error = replace(error, title=f"{error.y.name} against the ideal mechanism")
+        panels, against = [], set()
+        for _, result, tone in with_error:
+            panel = result.plot.panel("deviation", "total", of=of).styled(colour=tone)
+            if restated := not angle and result.tool_error.is_restated:
+                panel = replace(panel, marks=[stated_error(result.tool_error, "", tone)])
+            panels.append(panel)
+            against.add(result.tool_error.against if restated else "against the ideal mechanism")
+        title = f"tool {name} {against.pop() if len(against) == 1 else 'as each case states it'}"
+        title = title.replace(" off, ", ", ")
+        error = replace(overlaid(panels).renamed(f"tool {name}"), title=title)
         error = _with_peak(error, max(result.judge_from for _, result, _ in with_error), until)
     elif with_contacts:
         error = over([item for item in nameless if item[1].joints], "tilt")

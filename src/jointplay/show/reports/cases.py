@@ -56,12 +56,11 @@ class Case:
 
     @cached_property
     def stated_error(self) -> ToolError | None:
-        """Tool error, if the run's first line measures it against something other than the ideal
-        mechanism: where the drives were sent, or without elasticity that a rule assumed."""
+        """Tool error, if the run's first line restates it (`ToolError.is_restated`)."""
         if self.error is not None:
             with suppress(JointplayError):  # a law of the user's own that may not be imported
                 error = self.result.tool_error
-                return None if error.reported is error.vector else error
+                return error if error.is_restated else None
         return None
 
     @property

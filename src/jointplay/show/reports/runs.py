@@ -92,14 +92,16 @@ def _first_error(runs: Runs) -> Iterator[Part]:
         label = "from the ideal machine" if case.alone and stated else case.label
         panel = panel.styled(colour=case.colour, name=label)
         if stated:
-            distance = np.linalg.norm(stated.reported.values, axis=1)
             label = stated.against if case.alone else f"{case.label}, {stated.against}"
-            time = stated.reported["time"].values
-            panel = panel.with_marks(Curve(time, distance, label, case.colour, line="--"))
+            panel = panel.with_marks(figures.stated_error(stated, label, case.colour, "--"))
         panels.append(panel)
     title = "Tool error: distance from the ideal mechanism with the same drives"
+    if any(len(panel.marks) > 1 for panel in panels):  # the legend tells from where
+        title = "Tool error"
     title = "Turn of the tool against the ideal mechanism" if angle else title
-    yield from _graph(runs, "first_error", title, [figures.overlaid(panels).renamed(name)])
+    panel = figures.overlaid(panels).renamed(name)
+    panel = replace(panel, y=replace(panel.y, low=0.0))
+    yield from _graph(runs, "first_error", title, [panel])
 
 
 def _heaviest(runs: Runs) -> Iterator[Part]:

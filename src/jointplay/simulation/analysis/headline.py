@@ -386,7 +386,7 @@ def in_a_line(result: Result) -> str:
     if result.status != Status.COMPLETED:
         parts.append(result.status.name.lower().replace("_", " "))
     elif "tool_error" in result.dataset:
-        parts.append(f"tool error up to {_mm(result.tool_error.peak)}")
+        parts.append(f"tool error up to {_mm(result.tool_error.peak)} from the ideal mechanism")
     elif result.joints:
         parts.append(f"forces up to {alone(float(result.forces.max()))} N")
     return ", ".join(parts)

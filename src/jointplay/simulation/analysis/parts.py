@@ -196,9 +196,15 @@ class ToolError:
         return f"{where}, elasticity aside" if self._guessed else where
 
     @property
+    def is_restated(self) -> bool:
+        """Whether the sentence measures it against something other than the ideal mechanism: where
+        the drives were sent, or without elasticity that a rule assumed."""
+        return self.reported is not self.vector
+
+    @property
     def _is_exact(self) -> bool:
         """Whether all that decides its size was given, so that its numerical error counts."""
-        return sizes_are_given(self._result) and self.reported is self.vector
+        return sizes_are_given(self._result) and not self.is_restated
 
     def texts(self, exact: bool) -> dict[str, str]:
         """The figures by their names in certificates, with their numerical errors if `exact`."""
@@ -206,7 +212,7 @@ class ToolError:
         for (name, of), unit in zip(_FIGURES.items(), ("m", "m", "rad", "rad"), strict=True):
             certificate = self._result.certificate if exact else None
             by_figure[of] = shown(certificate, of, getattr(self, name), unit)
-        if self.reported is not self.vector:
+        if self.is_restated:
             by_figure |= {"peak tool error": _mm(_peak(self.reported))}
             by_figure |= {"RMS tool error": _mm(_rms(self.reported))}
         return by_figure
@@ -225,7 +231,7 @@ class ToolError:
         """The tool's error by cause, in a sentence; `detail`: with numerical errors if known."""
         result, causes = self._result, self._causes
         tool = result.simulation.mechanism.tool
-        exact = self._is_exact or (detail and self.reported is self.vector)
+        exact = self._is_exact or (detail and not self.is_restated)
         peak, rms, peak_turn, rms_turn = self.texts(exact).values()
         since = since_words(result)
         turned = f"by up to {peak_turn}, RMS {rms_turn}"
