@@ -662,7 +662,7 @@ def test_a_format_that_knows_no_such_axis_stops_no_other(upright, tmp_path):
     done = subprocess.run(list(map(str, command)), capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     said = done.stdout + done.stderr
-    assert "no file for marlin: no compensation for marlin: it knows axes X, Y" in said
+    assert "no file for marlin: marlin knows axes X, Y" in said
     assert "that is without dry friction in j" in said
     assert {"motion.csv", "j.comp", "grblhal.txt"} < {one.name for one in out.iterdir()}
 

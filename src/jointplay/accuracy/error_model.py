@@ -144,7 +144,7 @@ class Contribution:
     """Relative uncertainty of `shift`, to either side."""
     origin: str = ""
     """Source of its numbers in words, such as ``its gear``."""
-    numbers: Mapping[str, str] = field(default_factory=dict)
+    numbers: Mapping[str, str] = field(default_factory=dict, hash=False)
     """Each number as text, and its origin: ``given``, a ``class`` of robots or a ``rule``."""
     proportional: bool = True
     """Whether it is proportional to a size that can be chosen; the play of a rolling bearing or of

@@ -116,14 +116,10 @@ def tables(reversals: Reversals, name: str) -> dict[str, str]:
             "FluidNC has no backlash compensation: give it the corrected motion as a program"
         )
     if not reversals.lost:
-        raise JointplayError(
-            f"no compensation for {name}: it acts at reversals, and no gear's teeth change sides"
-        )
+        raise JointplayError(f"{name} compensates at reversals, and no gear's teeth change sides")
     files = FORMATS[name].write(reversals)
     if not files:
-        raise JointplayError(
-            f"no compensation for {name}: it knows {FORMATS[name].axes}, and none changes sides"
-        )
+        raise JointplayError(f"{name} knows {FORMATS[name].axes}, and none changes sides")
     return files
 
 
