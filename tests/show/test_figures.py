@@ -1,12 +1,15 @@
 """Every figure of four machines: texts do not overlap, stay inside, have units; colours differ for
 colour-blind readers, too."""
 
+import re
 from itertools import pairwise, product
 
 import numpy as np
 import pytest
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
+from matplotlib.table import Table
+from matplotlib.text import Text
 from mpl_toolkits.mplot3d.proj3d import proj_transform
 from texts import faults
 
@@ -23,6 +26,7 @@ from jointplay.show.plots.chart import Axis, Chart, Label, Panel
 from jointplay.show.plots.draw import draw
 from jointplay.show.plots.style import style
 from jointplay.show.reports import cases, pdf, runs
+from jointplay.show.reports.parts import Beside, Block, Grid, Points
 
 
 def arm(name, joints, duration="4 ms"):
@@ -81,13 +85,14 @@ def test_no_text_of_a_machines_figures_covers_another_or_lacks_its_unit(machine)
 
 @pytest.mark.thorough
 @pytest.mark.parametrize("machine", ["so101", "slider-crank"])
-def test_the_first_page_of_a_reports_pdf_is_filled_and_its_texts_stand_apart(machine):
+def test_the_page_of_a_reports_pdf_is_filled_and_its_texts_stand_apart(machine):
     subject = cases.Runs(cases.build(MACHINES[machine](), lambda _: None))
     with style("screen"):
-        page, _ = pdf._answer("Machine", list(runs.glance(subject)), 0.0)
+        page = pdf._answer("Machine", list(runs.glance(subject)), 0.0)
     assert not faults(page)
+    lowest = page.subfigs[-1].texts[-1].get_window_extent()
+    assert 0.0 < lowest.y0 < 0.1 * page.bbox.y1
     boxes = [axes.get_tightbbox() for axes in page.findobj(Axes) if axes.axison]
-    assert min(box.y0 for box in boxes) < 0.25 * page.bbox.y1
     assert min(box.x0 for box in boxes) > 0.04 * page.bbox.x1
 
 
@@ -204,3 +209,21 @@ def lab(colour, sight):
 def test_neighbouring_series_differ_for_all_eyes(colours, sight):
     seen = [lab(colour, sight) for colour in colours]
     assert min(np.linalg.norm(one - other) for one, other in pairwise(seen)) > TELLABLE
+
+
+def test_columns_of_a_reports_table_stand_apart():
+    long = ["0.06110 ± 0.00018", "6540 ± 1840 uncertain", "0.22904 ± 0.00006", "0.5932 ± 0.0012"]
+    grid = Grid(["", "ideal", *"abcd"], [["tool error, peak [mm]", "–", *long]] * 9)
+    parts = [Points(["The answer."]), Beside([[grid]]), Points(["word " * 30] * 90)]
+    with style("screen"):
+        page = pdf._answer("Machine", parts, 0.0)
+        page.draw_without_rendering()
+    assert page.get_size_inches() == pytest.approx([8.27, 11.69])  # however much there is to say
+    (table,) = page.findobj(Table)
+    boxes = {at: cell.get_text().get_window_extent() for at, cell in table.get_celld().items()}
+    digit = boxes[0, 2].width  # a letter's
+    gaps = [boxes[1, k + 1].x0 - boxes[1, k].x1 for k in range(5)]
+    assert min(gaps) > 1.5 * digit
+    assert min(t.get_window_extent().y0 for t in page.findobj(Text) if t.get_text()) > 0.0
+    written = pdf.pdf("Machine", [(Block("At a glance", iter), parts)])
+    assert len(re.findall(rb"/Type /Page\b", written)) == 1

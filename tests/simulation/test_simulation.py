@@ -1,6 +1,7 @@
 """The time loop: the ideal robot, invariants, limits, failures."""
 
 import dataclasses
+import warnings
 
 import numpy as np
 import pinocchio as pin
@@ -19,6 +20,29 @@ LOADED = Condition("loaded", "consistent")
 
 def short(simulation, duration, **changes):
     return dataclasses.replace(simulation, duration=duration, **changes)
+
+
+@pytest.mark.parametrize("way", ["simulate", "run", "run_to", "ensemble"])
+def test_warnings_of_the_audit_are_raised_once_and_only_for_the_run_asked_for(way, tmp_path):
+    changes = {"step": 2e-5, "integrator": "rk4", "duration": 0.01, "start": "centred"}
+    shipped = jp.Scenario.load("jointplay:slider_crank.toml").simulation("0.5 mm")
+    simulation = dataclasses.replace(shipped, **changes)
+    ways = {
+        "simulate": lambda: jp.simulate(
+            shipped.mechanism, shipped.motion, estimate=False, drive=shipped.drive, **changes
+        ),
+        "run": lambda: simulation.run(estimate=False),
+        "run_to": lambda: simulation.run_to(tmp_path / "a.nc"),
+        "ensemble": lambda: jp.ensemble([simulation], jobs=1),
+    }
+    with warnings.catch_warnings(record=True) as raised:
+        warnings.simplefilter("always")
+        result = ways[way]()
+    texts = [str(w.message) for w in raised if w.category is jp.JointplayWarning]
+    assert texts == ([] if way == "ensemble" else result.audit.warnings)
+    if way != "ensemble":
+        assert len(texts) == 3
+        assert {w.filename for w in raised} == {__file__}
 
 
 def test_ideal_robot_is_pinocchios_own():

@@ -67,6 +67,7 @@ from jointplay.simulation.loads.drive import JointFriction, Prescribed
 from jointplay.simulation.motion.reference import Motion
 from jointplay.simulation.prepare import MIN_CONTACT_STEPS
 from jointplay.simulation.result.result import Result
+from jointplay.simulation.run import Run
 from jointplay.simulation.simulation import Simulation
 from jointplay.simulation.statics import depths
 from jointplay.study.runs import Arrays, Runs
@@ -449,7 +450,7 @@ def _full_run(
     )  # fmt: skip
     # The step's error is not needed; nor are all histories, unless the bearing's loads are.
     only = None if mechanism.clearance else ("q", "v", "gear_torque")
-    result = simulation.run(progress, check_step=False, estimate=False, only=only)
+    result = Run(simulation, progress).finish(progress, check_step=False, only=only)
     return result.completed("the run of the full model")
 
 

@@ -108,13 +108,13 @@ def judged(simulation: Simulation) -> Simulation:
 @cache
 def _ideal(condition: Condition, integrator: str) -> Result:
     simulation = scara(None, condition, _RECORD_EVERY, integrator=integrator)
-    return simulation.run(estimate=False)
+    return Run(simulation).finish()
 
 
 def perturbed(condition: Condition, label: str, seed: int, integrator: str = DEFAULT) -> Measures:
     """Measures of one perturbed run of the case `label`."""
     simulation = judged(scara(CASES[label], condition, _RECORD_EVERY, seed, integrator))
-    run = simulation.run(estimate=False).completed(f"{condition}, {label}, seed {seed}")
+    run = Run(simulation).finish().completed(f"{condition}, {label}, seed {seed}")
     return measure(measured_against(run, _ideal(condition, integrator)))
 
 
@@ -171,7 +171,7 @@ def early_peak(result: Result) -> float:
 
 
 def _with(clearance: float | None, method: str, condition: Condition) -> Result:
-    return judged(replace(scara(clearance, condition), **METHODS[method])).run(estimate=False)
+    return Run(judged(replace(scara(clearance, condition), **METHODS[method]))).finish()
 
 
 @cache

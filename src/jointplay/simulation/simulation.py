@@ -252,7 +252,9 @@ class Simulation(Overview, Inputs):
             JointplayError: see `Run`; the file exists (and nothing is to be continued); it cannot
                 be written.
         """
-        return run_to(self, Path(path), progress, resume)
+        result = run_to(self, Path(path), progress, resume)
+        _warn(result.audit.warnings, stacklevel=3)
+        return result
 
     def run(
         self,
@@ -271,7 +273,20 @@ class Simulation(Overview, Inputs):
             estimate: estimate them by two further runs, in doubt three: see docs/certificates.md.
             only: names of the histories that the result shall have, for less memory and time; its
                 methods must do with these. None: all.
+
+        The warnings of the result's audit are also raised, as `JointplayWarning`.
         """
+        return self._run(progress, certify, check_step, estimate, only)
+
+    def _run(
+        self,
+        progress: bool,
+        certify: bool,
+        check_step: bool = True,
+        estimate: bool = True,
+        only: Sequence[str] | None = None,
+    ) -> Result:
+        """`run`, called from as deep below the user's line as `simulate` calls it."""
         result = Run(self, progress).finish(progress, check_step, only)
         if (certify or estimate) and result.status == Status.COMPLETED:
             find_errors = provided("errors_of_run")
@@ -279,11 +294,17 @@ class Simulation(Overview, Inputs):
                 certificate = find_errors(result, certify, simulation=self, progress=progress)
             except KeyboardInterrupt:
                 text = "interrupted: the result is complete, but its numerical errors are unknown"
-                warnings.warn(text, JointplayWarning, stacklevel=2)
+                _warn([text], stacklevel=4)
             else:
                 if certificate is not None:
                     result.certificate = certificate
+        _warn(result.audit.warnings, stacklevel=4)
         return result
+
+
+def _warn(texts: Sequence[str], stacklevel: int) -> None:
+    for text in texts:
+        warnings.warn(text, JointplayWarning, stacklevel=stacklevel)
 
 
 class Settings(TypedDict, total=False):
@@ -328,9 +349,8 @@ def simulate(
         if name not in Settings.__annotations__:
             known = [*Settings.__annotations__, "progress", "certify", "estimate"]
             raise JointplayError(unknown_key(name, known, " of simulate"), where=(name,))
-    return Simulation(mechanism, motion, **settings).run(  # type: ignore[arg-type]
-        progress, certify, estimate=estimate
-    )
+    simulation = Simulation(mechanism, motion, **settings)  # type: ignore[arg-type]
+    return simulation._run(progress, certify, estimate=estimate)
 
 
 def _settling_time(simulation: Simulation, settle: float | str, duration: float) -> float:

@@ -129,7 +129,7 @@ def certify(
     """
     require_a("source", source, "Simulation", "Result")
     if isinstance(source, Simulation):
-        simulation, result = source, source.run(progress, estimate=False)
+        simulation, result = source, Run(source, progress).finish(progress)
     else:
         simulation, result = simulation or source.simulation, source
     if result.status != Status.COMPLETED:

@@ -85,10 +85,12 @@ def _run(
     keep: Callable[[Result], Any] | None, check_step: bool, simulation: Simulation
 ) -> tuple[Any, list[tuple[type[Warning], str]]]:
     """The value kept of a run, and the warnings that the run gave."""
+    from jointplay.simulation.run import Run  # slow to import
+
     require_a("simulation", simulation, "Simulation")
     with warnings.catch_warnings(record=True) as warned:
         warnings.simplefilter("always")
-        result = simulation.run(check_step=check_step, estimate=False)
+        result = Run(simulation).finish(check_step=check_step)
         if result.status == Status.INTERRUPTED:
             raise KeyboardInterrupt
         value = result if keep is None else keep(result)

@@ -26,7 +26,7 @@ def declare(parser: Parser) -> None:
     add("result", metavar="RESULT", nargs="+", help="result file (.nc), a folder of them such as "
         "jointplay scara writes, or the folder of a sweep")
     add("-o", "--out", metavar="FILE", help="the page (default: report.html beside the first "
-        "result); the PDF is named after it")
+        "result); the PDF, one A4 page, has the same name")
     add("--title", metavar="TEXT", help="title of the page (default: that of the scenario)")
     add("--label", metavar="TEXT", **REPEATED, help="label of a result, in the order of the "
         "results (default: its case, or the file name)")

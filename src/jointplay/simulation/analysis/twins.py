@@ -242,10 +242,12 @@ def is_twin(result: Result, ideal: Result) -> bool:
 
 def twin(result: Result, progress: bool = False) -> Result:
     """Run the `ideal_simulation` of a result; `progress`: show a bar on standard error."""
+    from jointplay.simulation.run import Run  # takes long to import
+
     simulation = ideal_simulation(result)
     # With loops, a step that resolves impacts is far smaller than motion without impacts needs.
     check_step = not simulation.mechanism.loops
-    return simulation.run(progress, check_step=check_step, estimate=False)
+    return Run(simulation, progress).finish(progress, check_step)
 
 
 _MOST_RECENT, _LARGE_BYTES = 6, 1e7

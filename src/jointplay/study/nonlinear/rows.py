@@ -20,6 +20,7 @@ from jointplay.base.tables import Column, Table
 from jointplay.scenario import Scenario
 from jointplay.scenario.reading import Setting, parse, tree
 from jointplay.simulation.analysis import ideal_simulation
+from jointplay.simulation.run import Run
 from jointplay.simulation.simulation import Simulation
 from jointplay.study.nonlinear import lyapunov, steady_motion
 from jointplay.study.nonlinear.poincare import once_per_turn
@@ -171,7 +172,7 @@ class Observation:
         """Quantities by record, then those of the ideal mechanism."""
         turning = self.turning(self.simulation(*key))
         result = turning.run()
-        ideal = ideal_simulation(result).run(check_step=False, estimate=False)
+        ideal = Run(ideal_simulation(result)).finish(check_step=False)
         return np.concatenate([turning.observed(r, self.names).ravel() for r in (result, ideal)])
 
     def section_from(self, key: Key) -> np.ndarray:
