@@ -145,9 +145,9 @@ def test_a_budget_by_gears_names_their_joints_in_the_picture():
 def test_an_allocation_says_first_what_each_joint_may_have():
     robot, poses = played_in(["shoulder_pan_joint", "elbow_joint"], 0.0)
     allotment = allocate(robot, poses, 5e-4)
-    figure = design.allocation(allotment)
-    assert "radial clearance that each joint may have" in figure.get_suptitle()
-    assert "0.5 mm" in figure.get_suptitle()
+    figure = design.allocation(allotment, "; assumed: bearings")
+    answer = f"for at most 0.5 mm at {robot.tool}: {allotment.chosen}; assumed: bearings"
+    assert figure.get_suptitle() == answer
     allowed, added, cost = figure.axes
     assert [axes.get_xlabel().rpartition("[")[2] for axes in figure.axes] == ["µm]", "mm]", "%]"]
     assert np.allclose([bar.get_width() for bar in allowed.patches], 1e6 * allotment.clearance)
