@@ -6,6 +6,7 @@ from itertools import pairwise, product
 import numpy as np
 import pytest
 from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
 from matplotlib.colors import to_rgb
 from mpl_toolkits.mplot3d.proj3d import proj_transform
 from texts import faults
@@ -130,6 +131,16 @@ def test_a_small_picture_of_a_tall_arm_has_room_for_its_numbers_and_its_box():
     shares = axes.transLimits.transform(np.column_stack(corners))
     assert shares.min() > -0.01
     assert shares.max() < 1.01
+
+
+@pytest.mark.parametrize("name", ["scara", "ar4"])
+def test_names_of_axes_lie_inside_the_picture(name):
+    figure = picture(jp.Mechanism(robot_urdf(name)), scale=(ScalarMappable(), "share [%]"))
+    axes = figure.axes[0]
+    for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
+        box = axis.label.get_window_extent()
+        assert (box.min >= 0.0).all()
+        assert (box.max <= figure.bbox.size).all()
 
 
 def test_a_budget_by_gears_names_their_joints_in_the_picture():
