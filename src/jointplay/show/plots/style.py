@@ -204,7 +204,9 @@ def footnote(figure: Figure, text: str) -> None:
 def wrapped(text: str, width: float, size: float) -> str:
     """Text of a size of type [pt] in lines no longer than a width [inches]."""
     across = int(72.0 * width / (LETTER * size))
-    return "\n".join(textwrap.fill(line, across) for line in text.splitlines())
+    text = re.sub(r"(?<=\d) (?=\S)", "\xa0", text)  # keeps numbers with their units
+    lines = [textwrap.fill(line, across) for line in text.splitlines()]
+    return "\n".join(lines).replace("\xa0", " ")
 
 
 def figure_of(panel: Axes) -> Figure:
