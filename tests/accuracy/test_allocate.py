@@ -155,6 +155,18 @@ def test_clearances_and_plays_of_gears_are_allocated_together(three):
     assert budget(found.mechanism, {}).worst[0] == pytest.approx(found.error, rel=1e-6)
 
 
+def test_quantities_can_be_text_with_a_unit(three):
+    text = allocate(robot(three), {}, target="0.2 mm", least="3 um", most="0.5 mm")
+    numbers = allocate(robot(three), {}, target=2e-4, least=3e-6, most=5e-4)
+    assert text.clearance == pytest.approx(numbers.clearance)
+    turned = allocate(
+        Mechanism(three, {"c": spatial()}), {}, target="0.1 deg", turn=True, force=("5 N", 0.0, 0.0)
+    )
+    assert turned.target == pytest.approx(np.radians(0.1))
+    with pytest.raises(JointplayError, match='target: "1 kg" is not a length'):
+        allocate(robot(three), {}, target="1 kg")
+
+
 def test_the_answer_names_the_tightest_clearances_and_how_many_others():
     arm = Mechanism(robot_urdf("ur5"), tool="tool0")
     bearing = RevoluteClearance(radial_clearance=1e-4)

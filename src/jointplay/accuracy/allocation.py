@@ -40,7 +40,7 @@ from jointplay.base.errors import (
     require_whole,
 )
 from jointplay.base.progress import ProgressBar
-from jointplay.base.schema import known_keywords
+from jointplay.base.schema import in_si, known_keywords
 from jointplay.base.tables import Answer, Column, Table, few
 from jointplay.base.units import readable, rounded
 from jointplay.model.closed_loops import NOWHERE
@@ -422,7 +422,7 @@ class Allocation(Answer):
 def allocate(
     mechanism: Mechanism,
     poses: np.ndarray | Mapping[str, float],
-    target: float,
+    target: float | str,
     *,
     turn: bool = False,
     causes: Collection[str | Cause] | None = None,
@@ -434,9 +434,9 @@ def allocate(
     weights: Mapping[str, float] | None = None,
     limits: Mapping[str, float] | None = None,
     cost: str = COSTS[0],
-    least: float | None = None,
-    most: float | None = None,
-    force: Sequence[float] = (0.0, 0.0, 0.0),
+    least: float | str | None = None,
+    most: float | str | None = None,
+    force: Sequence[float | str] = (0.0, 0.0, 0.0),
     errors: RobotErrors | None = None,
     kind: str | None = None,
     seed: int = 0,
@@ -490,7 +490,11 @@ def allocate(
         MissingName: no such cost, joint, cause or class.
     """
     require_a("mechanism", mechanism, "Mechanism")
-    target = require_positive("target", target, "rad" if turn else "m")
+    unit = "rad" if turn else "m"
+    target = require_positive("target", in_si("target", target, unit), unit)
+    least = None if least is None else in_si("least", least, "m")
+    most = None if most is None else in_si("most", most, "m")
+    push = [in_si("force", component, "N") for component in force]
     seed = require_whole("seed", seed)
     if quantile is not None:
         require_share("the quantile", quantile)
@@ -503,7 +507,7 @@ def allocate(
     }  # fmt: skip
     search = _Search(
         mechanism, configurations(mechanism, poses, driven), holding,
-        None if causes is None else named(causes), force,
+        None if causes is None else named(causes), push,
         RobotErrors() if errors is None else errors, kind, turn, statistical, quantile, seed, keep,
         market,
     )  # fmt: skip
