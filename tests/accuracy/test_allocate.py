@@ -155,12 +155,44 @@ def test_clearances_and_plays_of_gears_are_allocated_together(three):
     assert budget(found.mechanism, {}).worst[0] == pytest.approx(found.error, rel=1e-6)
 
 
+def test_quantities_can_be_text_with_a_unit(three):
+    text = allocate(robot(three), {}, target="0.2 mm", least="3 um", most="0.5 mm")
+    numbers = allocate(robot(three), {}, target=2e-4, least=3e-6, most=5e-4)
+    assert text.clearance == pytest.approx(numbers.clearance)
+    turned = allocate(
+        Mechanism(three, {"c": spatial()}), {}, target="0.1 deg", turn=True, force=("5 N", 0.0, 0.0)
+    )
+    assert turned.target == pytest.approx(np.radians(0.1))
+    with pytest.raises(JointplayError, match='target: "1 kg" is not a length'):
+        allocate(robot(three), {}, target="1 kg")
+
+
+def test_the_answer_names_the_tightest_clearances_and_how_many_others():
+    arm = Mechanism(robot_urdf("ur5"), tool="tool0")
+    bearing = RevoluteClearance(radial_clearance=1e-4)
+    found = allocate(Mechanism(robot_urdf("ur5"), dict.fromkeys(arm.joints, bearing)), {}, 1e-3)
+    tightest, others = found.chosen.split("; ")
+    order = np.argsort(found.clearance)
+    names = [text.split()[0] for text in tightest.split(", ")]
+    assert names == [found.joints[k] for k in order[:4]]
+    assert tightest.startswith(f"{names[0]} {1e6 * found.clearance.min():.3g} µm, ")
+    assert others == f"2 others up to {1e6 * found.clearance.max():.3g} µm"
+    assert found.sentence.endswith(f"within 1 mm: {found.chosen}")
+
+
+def test_the_answer_names_the_improvements_to_buy_first(three):
+    found = allocate(robot(three), {}, 1e-4, causes=["play"])
+    first = next(choice for choice in found.choices if choice.order == 1)
+    assert found.chosen.startswith(f"play of {first.joint} to {100 * first.remaining:.2g} %, ")
+    assert allocate(robot(three), {}, 1.0, causes=["play"]).chosen == "none is needed"
+
+
 def test_the_command_names_the_gears_and_their_plays(capsys):
     order = ["allocate", "ur5", "--target", "0.2 mm", "--gear", "elbow_joint=1 mrad"]
     assert main(order) == 0
     first, *rest = capsys.readouterr().out.splitlines()
     assert first.startswith("These are the cheapest plays of gears that keep the tool 'tool0'")
-    assert first.endswith("arcmin in elbow_joint")
+    assert re.search(r"within 0\.2 mm: elbow_joint [\d.]+ arcmin$", first)
     assert "note: play alone counts: gears giving way and servos' sag add to it (--whole)" in rest
 
 

@@ -7,6 +7,7 @@ from itertools import pairwise, product
 import numpy as np
 import pytest
 from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
 from matplotlib.colors import to_rgb
 from matplotlib.table import Table
 from matplotlib.text import Text
@@ -137,6 +138,16 @@ def test_a_small_picture_of_a_tall_arm_has_room_for_its_numbers_and_its_box():
     assert shares.max() < 1.01
 
 
+@pytest.mark.parametrize("name", ["scara", "ar4"])
+def test_names_of_axes_lie_inside_the_picture(name):
+    figure = picture(jp.Mechanism(robot_urdf(name)), scale=(ScalarMappable(), "share [%]"))
+    axes = figure.axes[0]
+    for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
+        box = axis.label.get_window_extent()
+        assert (box.min >= 0.0).all()
+        assert (box.max <= figure.bbox.size).all()
+
+
 def test_a_budget_by_gears_names_their_joints_in_the_picture():
     gear = {"elbow_joint": jp.Gear(play=1e-3), "wrist_1_joint": jp.Gear(play=1e-3)}
     robot = jp.Mechanism(robot_urdf("ur5"), gears=gear, tool="tool0")
@@ -150,9 +161,9 @@ def test_a_budget_by_gears_names_their_joints_in_the_picture():
 def test_an_allocation_says_first_what_each_joint_may_have():
     robot, poses = played_in(["shoulder_pan_joint", "elbow_joint"], 0.0)
     allotment = allocate(robot, poses, 5e-4)
-    figure = design.allocation(allotment)
-    assert "radial clearance that each joint may have" in figure.get_suptitle()
-    assert "0.5 mm" in figure.get_suptitle()
+    figure = design.allocation(allotment, "; assumed: bearings")
+    answer = f"for at most 0.5 mm at {robot.tool}: {allotment.chosen}; assumed: bearings"
+    assert figure.get_suptitle() == answer
     allowed, added, cost = figure.axes
     assert [axes.get_xlabel().rpartition("[")[2] for axes in figure.axes] == ["µm]", "mm]", "%]"]
     assert np.allclose([bar.get_width() for bar in allowed.patches], 1e6 * allotment.clearance)

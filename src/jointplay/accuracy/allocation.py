@@ -40,9 +40,9 @@ from jointplay.base.errors import (
     require_whole,
 )
 from jointplay.base.progress import ProgressBar
-from jointplay.base.schema import known_keywords
+from jointplay.base.schema import in_si, known_keywords
 from jointplay.base.tables import Answer, Column, Table, few
-from jointplay.base.units import readable
+from jointplay.base.units import readable, rounded
 from jointplay.model.closed_loops import NOWHERE
 from jointplay.model.mechanism import Mechanism
 from jointplay.model.payload import Payload
@@ -69,6 +69,8 @@ PATIENCE_S = 2.0
 """Time after which a progress bar is shown [s]."""
 COMPENSATION = "compensation"
 """Name among the offers under which `Correction`s are given."""
+_NAMED = 4
+"""Most sizes that the answer names (judged)."""
 _MM = 1e3
 """Millimetres per metre: millimetres are the unit of clearances in their price."""
 _RENEWALS = 12
@@ -217,6 +219,25 @@ class Choice:
         """Whether it is the play of a gear by itself."""
         return self.joint.endswith(GEAR)
 
+    @property
+    def size(self) -> float:
+        """The clearance or play [m or rad]; NaN of choices that have none."""
+        return self.clearance if math.isnan(self.play) else self.play
+
+    @property
+    def size_text(self) -> str:
+        """The clearance or play in words."""
+        if math.isnan(self.play):
+            return rounded(self.clearance, "m", 3, fine=self.clearance < 1.0 / _MM)
+        return f"{self.play / _ARCMIN:.3g} arcmin"
+
+
+def _first(names: Sequence[str], rest: str = "") -> str:
+    """List the first names, and say how many others there are and, by `rest`, which."""
+    if len(names) <= _NAMED + 1:  # a single other takes no more room by its name
+        return ", ".join(names)
+    return f"{', '.join(names[:_NAMED])}; {len(names) - _NAMED} others{rest}"
+
 
 @dataclass(frozen=True, repr=False)
 class Allocation(Answer):
@@ -347,29 +368,38 @@ class Allocation(Answer):
         kinds += dict.fromkeys("fits" if offer.instead else bearings for offer in offers)
         text = (
             f"These are the cheapest {' and '.join(kinds)} that keep the tool "
-            f"{self.mechanism.tool!r} within {readable(self.target, self.unit, 3)}"
+            f"{self.mechanism.tool!r} within {readable(self.target, self.unit, 3)}: {self.chosen}"
         )
-        # The plays of gears but those at the largest that can be bought, and fits that change.
-        gears, changed = [], dict[str, list[str]]()
-        for choice in self.choices:
-            if choice.gear and choice.held != "most":
-                size = f"{float(f'{choice.play / _ARCMIN:.2g}'):g} arcmin"
-                if np.isnan(choice.play):
-                    size = f"{choice.clearance * _MM:.3g} mm"
-                gears.append(f"{size} in {choice.joint.removesuffix(GEAR)}")
-            if choice.offer and choice.offer.instead not in ("", choice.offer.name):
-                change = f"{choice.offer.instead} becomes {choice.offer.name}"
-                changed.setdefault(change, []).append(choice.joint)
-        if gears and not by_cause:
-            text += f": {few(gears, 7)}"
-        if changed:
-            parts = (f"{change} in {few(joints, 2)}" for change, joints in changed.items())
-            text += f": {'; '.join(parts)}"
         if self.corrections:
             least = min(correction.error for correction in self.corrections)
             keeps = "keep it, too, at rest" if least <= self.target else "do not"
             text += f"; sizes as given, compensated, {keeps}: {readable(least, 'm', 3)}"
         return text
+
+    @property
+    def chosen(self) -> str:
+        """The choices in words: the tightest sizes and bearings, the first improvements to buy."""
+        parts = []
+        improved = sorted((c for c in self.choices if c.order), key=lambda c: c.order)
+        if improved:
+            names = [f"{c.cause} of {c.joint} to {100 * c.remaining:.2g} %" for c in improved]
+            parts.append(_first(names))
+        elif np.isnan(self.was):
+            for gear in (False, True):
+                sized = [c for c in self.choices if c.gear == gear and not math.isnan(c.size)]
+                sized.sort(key=lambda c: (math.isnan(c.play), c.size))
+                names = [f"{c.joint.removesuffix(GEAR)} {c.size_text}" for c in sized]
+                if names:
+                    said = _first(names, f" up to {sized[-1].size_text}")
+                    parts.append(f"gears: {said}" if parts else said)
+        bought = [(c.offer, c.joint) for c in self.choices if c.offer]
+        joints = dict[str, list[str]]()
+        for offer, joint in sorted(bought, key=lambda pair: pair[0].free("x")):
+            changed = offer.instead not in ("", offer.name)
+            name = f"{offer.instead} becomes {offer.name}" if changed else offer.name
+            joints.setdefault(name, []).append(joint)
+        parts += [f"{name} in {few(names, 2)}" for name, names in joints.items()]
+        return "; ".join(parts) or "none is needed"
 
     def _headline(self) -> str:
         """The error that is reached, the target and the price, in one line."""
@@ -392,7 +422,7 @@ class Allocation(Answer):
 def allocate(
     mechanism: Mechanism,
     poses: np.ndarray | Mapping[str, float],
-    target: float,
+    target: float | str,
     *,
     turn: bool = False,
     causes: Collection[str | Cause] | None = None,
@@ -404,9 +434,9 @@ def allocate(
     weights: Mapping[str, float] | None = None,
     limits: Mapping[str, float] | None = None,
     cost: str = COSTS[0],
-    least: float | None = None,
-    most: float | None = None,
-    force: Sequence[float] = (0.0, 0.0, 0.0),
+    least: float | str | None = None,
+    most: float | str | None = None,
+    force: Sequence[float | str] = (0.0, 0.0, 0.0),
     errors: RobotErrors | None = None,
     kind: str | None = None,
     seed: int = 0,
@@ -460,7 +490,11 @@ def allocate(
         MissingName: no such cost, joint, cause or class.
     """
     require_a("mechanism", mechanism, "Mechanism")
-    target = require_positive("target", target, "rad" if turn else "m")
+    unit = "rad" if turn else "m"
+    target = require_positive("target", in_si("target", target, unit), unit)
+    least = None if least is None else in_si("least", least, "m")
+    most = None if most is None else in_si("most", most, "m")
+    push = [in_si("force", component, "N") for component in force]
     seed = require_whole("seed", seed)
     if quantile is not None:
         require_share("the quantile", quantile)
@@ -473,7 +507,7 @@ def allocate(
     }  # fmt: skip
     search = _Search(
         mechanism, configurations(mechanism, poses, driven), holding,
-        None if causes is None else named(causes), force,
+        None if causes is None else named(causes), push,
         RobotErrors() if errors is None else errors, kind, turn, statistical, quantile, seed, keep,
         market,
     )  # fmt: skip

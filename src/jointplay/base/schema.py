@@ -122,6 +122,20 @@ def quantity(
     return dataclasses.field(default=default, metadata=about)
 
 
+def in_si(name: str, value: float | str, unit: str) -> float:
+    """Convert text such as ``"0.2 mm"`` to a number in SI; leave numbers as they are.
+
+    Raises:
+        JointplayError: text that is no quantity in this unit, with the name.
+    """
+    if not isinstance(value, str):
+        return value
+    try:
+        return float(convert(value, unit))
+    except ValueError as error:
+        raise JointplayError(f"{name}: {error}") from None
+
+
 def choice(
     noun: str, choices: Collection[str] | Mapping[str, Any], *, default: Any = dataclasses.MISSING
 ) -> Any:

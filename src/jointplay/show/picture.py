@@ -54,6 +54,7 @@ _SMALLEST_DETAIL = 1.0 / 300.0
 """Smallest detail that is drawn, relative to the mechanism's size: some two pixels."""
 _FARTHEST_M = 1e6  # from the origin; shapes that reach farther are mistakes of scale (judged)
 _ZOOM = 1.1  # of the box of axes, less where it would not fit into the picture
+_SHRINKINGS, _MARGIN = 5, 0.01  # most times that the box is shrunk, and how much more (judged)
 _MOST_NUMBERS = 1.8
 """Numbers along the longest axis for each inch of the picture's shorter side, of which it takes
 0.6; numbers of 7 pt are 0.3 in wide (judged by pictures of the shipped robots)."""
@@ -159,7 +160,8 @@ def picture(
     axes.view_init(azim=view[0], elev=view[1])
     corners = proj_transform(*np.array([*product(*zip(low, high, strict=True))]).T, axes.get_proj())
     reach = np.abs(axes.transLimits.transform(np.column_stack(corners[:2])) - 0.5).max() / 0.5
-    axes.set_box_aspect(high - low, zoom=_ZOOM / max(1.0, reach))
+    zoom = _ZOOM / max(1.0, reach)
+    axes.set_box_aspect(high - low, zoom=zoom)
     axes.set(xlabel="x [m]", ylabel="y [m]")
     axes.set_zlabel("z [m]", labelpad=10.0)  # a short side's numbers stand farther out
     axes.tick_params(labelsize=7)
@@ -175,8 +177,30 @@ def picture(
     if missing := [Path(name).name for name in scene.look.missing]:
         text = f"not found, simple shapes instead: {few(missing, 3)}"
         figure.text(0.01, 0.01, text, fontsize=8)
+    _make_room(axes, high - low, zoom)
     _write(axes, notes, triangles)
     return figure
+
+
+def _make_room(axes: Any, sides: np.ndarray, zoom: float) -> None:
+    """Shrink the box of axes until their names, which the layout leaves out, are in the figure.
+
+    The names keep their distances from the box, so that it may take several times.
+    """
+    figure, names = axes.figure, [axis.label for axis in (axes.xaxis, axes.yaxis, axes.zaxis)]
+    figure.draw_without_rendering()
+    figure.set_layout_engine("none")  # it would move the axes into the room that is made
+    for _ in range(_SHRINKINGS):
+        boxes = [text.get_window_extent() for text in names]
+        middle = np.mean(axes.bbox.get_points(), axis=0)
+        low = (middle - np.min([box.min for box in boxes], axis=0)) / middle
+        high = (np.max([box.max for box in boxes], axis=0) - middle) / (figure.bbox.size - middle)
+        over = max(*low, *high)
+        if over <= 1.0:
+            return
+        zoom /= over + _MARGIN
+        axes.set_box_aspect(sides, zoom=zoom)
+        figure.draw_without_rendering()
 
 
 def _placed(

@@ -164,7 +164,7 @@ def run(options: argparse.Namespace) -> int:
     if options.out:
         from jointplay.show.plots import design as plots
 
-        figure = plots.allocation(allotment)
+        figure = plots.allocation(allotment, posed.bearings_not_given)
         out.write({"allocation.csv": allotment.data().csv(), "allocation.png": figure})
     return 0
 

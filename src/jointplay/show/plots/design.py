@@ -257,17 +257,19 @@ def workspace_map(budget: PlayBudget) -> Figure:
     return _row(panels, (8.0, 4.0), note=budget.validity)
 
 
-def allocation(allotment: Allocation) -> Figure:
-    """Each joint's allowed size, and its parts of the error (pale: before) and of the cost."""
+def allocation(allotment: Allocation, assumed: str = "") -> Figure:
+    """Each joint's allowed size, and its parts of the error (pale: before) and of the cost.
+
+    `assumed`: what the title adds to the answer.
+    """
     joints = list(dict.fromkeys(allotment.joints))
     causes = list(dict.fromkeys(choice.cause for choice in allotment.choices))
     improved, unit, total = not np.isnan(allotment.was), allotment.unit, allotment.total or 1.0
     # Parts of the error before and after and of the cost, by cause and joint; by kind of size, each
-    # joint's bar and label; the nouns of the title.
+    # joint's bar and label.
     parts = np.zeros((3, len(causes), len(joints)))
     sizes = {"m": np.zeros(len(joints)), "arcmin": np.zeros(len(joints))}
     texts = {kind: [""] * len(joints) for kind in sizes}
-    nouns: dict[str, None] = {}
     for choice in allotment.choices:
         row, offer = joints.index(choice.joint), choice.offer
         cell = parts[:, causes.index(choice.cause), row]
@@ -278,11 +280,9 @@ def allocation(allotment: Allocation) -> Figure:
         if np.isnan(size):
             continue
         kind = "arcmin" if turns else "m"
-        noun = "play of the gear" if choice.gear else "radial clearance"
         text = f"{size if turns else 1e6 * size:.3g}"
         if offer:
-            noun, text = "fit" if offer.instead else "bearing class", f"{offer.name}: {text}"
-        nouns[noun] = None
+            text = f"{offer.name}: {text}"
         if choice.held == "most":  # at the upper bound; its bar would dwarf the others
             text = f"any, up to {text}"
         else:
@@ -307,14 +307,11 @@ def allocation(allotment: Allocation) -> Figure:
         Panel(Axis("part of the error", unit), rows, marks, whole),
         Panel(Axis("part of the cost", "%"), rows, _stacked(shares, nameless)),
     ]
-    title = (
-        "cheapest improvements" if improved else f"{' and '.join(nouns)} that each joint may have"
-    )
     target = readable(allotment.target, unit, 3)
-    title += f" for an error of {allotment.mechanism.tool!r} of at most {target}"
+    title = f"for at most {target} at {allotment.mechanism.tool}: {allotment.chosen}{assumed}"
     note = "; ".join(note for note in allotment.notes if note.startswith(("assumed", "cost")))
     inches = (2.6 + 2.8 * len(panels), 2.0 + 0.36 * len(joints))
-    look = {"key": 1, "key_at": "outside right upper"}  # the title takes the room above
+    look = {"key": 1, "key_at": "outside right center"}  # the title takes the room above
     return _row(panels, inches, title=title, note=note, same_y=True, **look)
 
 

@@ -27,6 +27,8 @@ from jointplay.show.plots.chart import (
     Spans,
 )
 from jointplay.show.plots.style import (
+    LETTER,
+    SIZES,
     Decades,
     StyledFigure,
     figure_of,
@@ -35,6 +37,7 @@ from jointplay.show.plots.style import (
     logarithmic,
     new_figure,
     style,
+    wrapped,
 )
 
 _MANY_POINTS = 20_000
@@ -43,9 +46,9 @@ with their number (judged)."""
 _MOST_WRITTEN = 120
 """Most cells of a map that show their numbers, in 7 pt: about 12 columns by 10 rows are legible
 (judged)."""
-_LETTER, _HANDLE = 0.55, 4.0
-"""Mean width of a letter of DejaVu Sans, and width of a legend's line with the room about it,
-relative to the size of type."""
+_HANDLE = 4.0
+"""Width of a legend's line with the room about it, relative to the size of type."""
+_TITLE_PT, _LINE_IN = 10.0, 0.17  # size of a figure's title, and height of each of its lines
 _ACROSS = 0.9  # part of the figure's width that a legend may take
 _BESIDE = 0.05  # gap between panels that share an axis, relative to their width (judged)
 _TEXT_ROOM = 0.25  # room right of bars for texts, relative to the longest: ten letters (judged)
@@ -56,7 +59,10 @@ _MOST_NAMED = 9  # most columns or rows of a map that are named, with some eight
 def draw(chart: Chart, look: str = "screen") -> StyledFigure:
     """A figure of a chart, in a style of `style.STYLES`."""
     with style(look):
-        figure = new_figure(*chart.size, look)
+        width, height = chart.size
+        title = wrapped(chart.title, SIZES[look] * width, _TITLE_PT)
+        more = _LINE_IN / SIZES[look] * title.count("\n")
+        figure = new_figure(width, height + more, look)
         share: dict[str, Any] = {"sharex": chart.same_x, "sharey": chart.same_y}
         shape = len(chart.rows), len(chart.rows[0])
         axes = figure.subplots(*shape, squeeze=False, width_ratios=chart.wide, **share)
@@ -86,7 +92,7 @@ def draw(chart: Chart, look: str = "screen") -> StyledFigure:
             form, beside = Decades() if scale.log else None, [place for place, _ in images]
             figure.colorbar(images[-1][1], ax=beside, label=scale.label, format=form)
         if chart.title:
-            figure.suptitle(chart.title, color="black", fontsize=10)
+            figure.suptitle(title, color="black", fontsize=_TITLE_PT)
         if chart.key:
             shared = [place for panel, place in drawn if not panel.legend]
             key(figure, shared, chart.key, chart.key_at)
@@ -119,7 +125,7 @@ def _enlarge(legend: Legend) -> None:
 def _fitting(columns: int, names: Sequence[str], figure: Figure) -> int:
     """Columns that a legend can have: at most `columns`, fewer where names are long or few."""
     size = mpl.rcParams["font.size"]
-    column = size * (_LETTER * max(map(len, names)) + _HANDLE)
+    column = size * (LETTER * max(map(len, names)) + _HANDLE)
     across = _ACROSS * 72.0 * figure.bbox.width / figure.dpi  # [points], also in a subfigure
     return max(1, min(columns, len(names), int(across / column)))
 

@@ -22,8 +22,9 @@ from matplotlib.ticker import LogFormatterSciNotation
 from jointplay.base import files
 from jointplay.base.errors import require_known
 
-_SMALL_PRINT, _LETTERS_AN_INCH = 6.5, 20
-"""Size of footnotes [pt], and their letters an inch."""
+_SMALL_PRINT = 6.5  # size of footnotes [pt]
+LETTER = 0.55
+"""Mean width of a letter of DejaVu Sans, relative to the size of type."""
 
 _SCREEN = {
     "font.size": 9,
@@ -196,9 +197,16 @@ def new_figure(width: float, height: float, look: str = "screen") -> StyledFigur
 
 def footnote(figure: Figure, text: str) -> None:
     """Put small print below a figure, wrapped to its width."""
-    across = int(_LETTERS_AN_INCH * figure.get_figwidth())
+    text = wrapped(text, figure.get_figwidth(), _SMALL_PRINT)
+    figure.supxlabel(text, fontsize=_SMALL_PRINT, x=0.01, ha="left")
+
+
+def wrapped(text: str, width: float, size: float) -> str:
+    """Text of a size of type [pt] in lines no longer than a width [inches]."""
+    across = int(72.0 * width / (LETTER * size))
+    text = re.sub(r"(?<=\d) (?=\S)", "\xa0", text)  # keeps numbers with their units
     lines = [textwrap.fill(line, across) for line in text.splitlines()]
-    figure.supxlabel("\n".join(lines), fontsize=_SMALL_PRINT, x=0.01, ha="left")
+    return "\n".join(lines).replace("\xa0", " ")
 
 
 def figure_of(panel: Axes) -> Figure:
