@@ -201,7 +201,8 @@ def _command(parser: Parser, options: argparse.Namespace) -> int:
     except NothingHasPlay as error:
         from jointplay.cli.commands.inputs import own_preset
 
-        return _refuse(options, str(NothingHasPlay(error.joints, own_preset(options))))
+        needed = NothingHasPlay(error.joints, own_preset(options), hasattr(options, "clearance"))
+        return _refuse(options, str(needed))
     except JointplayError as error:
         return _refuse(options, str(error))
     except KeyboardInterrupt as error:
