@@ -605,7 +605,8 @@ def told(self, *given):
 Result.save = told
 sys.exit(cli.main(sys.argv[1:]))
 """
-    command = [PYTHON, "-c", code, "run", *SHORT, "--out", str(tmp_path / "o")]
+    bare = [*SHORT, "--no-error-estimate"]
+    command = [PYTHON, "-c", code, "run", *bare, "--out", str(tmp_path / "o")]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     assert "stop requested after the computation had ended: the result is saved" in done.stderr
@@ -617,6 +618,30 @@ sys.exit(cli.main(sys.argv[1:]))
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 130
     assert "interrupted; no result of: 0.2 mm" in done.stderr
+
+
+def test_told_to_stop_it_names_what_is_left_out(tmp_path, monkeypatch, capsys):
+    with monkeypatch.context() as patched:
+        save = Result.save
+
+        def told(self, *given):
+            signal.raise_signal(signal.SIGTERM)
+            return save(self, *given)
+
+        patched.setattr(Result, "save", told)
+        assert main(["run", *SHORT, "--ensemble", "2", "--out", str(tmp_path / "o")]) == 130
+    left = "there is result.nc; without numerical errors: result; the ensemble was not run"
+    assert f"interrupted; {left}; the same command with" in capsys.readouterr().err
+
+    def told_later(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(files, "written", [])
+    monkeypatch.setattr("jointplay.show.plots.reviews.review", told_later)
+    command = ["run", *SHORT, "--no-error-estimate", "--ensemble", "2", "--converge"]
+    assert main([*command, "--out", str(tmp_path / "p")]) == 130
+    left = "the convergence study was not run; the ensemble was not run"
+    assert f"interrupted; {left}; {tmp_path / 'p'} contains result.nc" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("kind", [ValueError, RuntimeError])

@@ -154,7 +154,7 @@ sys.exit(cli.main(sys.argv[1:]))
 def saving(folder, duration="0.01"):
     """A run that has come to saving its result, and waits there for a line."""
     command = [PYTHON, "-c", SLOW, "run", "--duration", duration]
-    command += ["--no-figures", "--out", str(folder), "--quiet"]
+    command += ["--no-figures", "--no-error-estimate", "--out", str(folder), "--quiet"]
     pipe = subprocess.PIPE
     process = Process(command, stdin=pipe, stdout=pipe, stderr=pipe, text=True)
     assert process.stdout.readline() == "packing\n"
@@ -185,7 +185,7 @@ def test_a_second_ctrl_c_gives_up_and_says_what(tmp_path):
     assert f"gave up {tmp_path / 'o' / 'result.nc'}" in err
     assert "what was computed is in" not in err
     assert "Traceback" not in err
-    assert list((tmp_path / "o").iterdir()) == []
+    assert not (tmp_path / "o").exists()
 
 
 def test_of_two_processes_with_one_folder_the_second_learns_it_at_once(tmp_path):

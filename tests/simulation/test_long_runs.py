@@ -171,9 +171,9 @@ def test_errors_whose_search_was_interrupted_are_found_by_resuming(
 
     with monkeypatch.context() as patched:
         patched.setattr("jointplay.study.certification.Run", Stopped)
-        assert cli.main(command) == 0
+        assert cli.main(command) == 130
     err = capsys.readouterr().err
-    assert "without numerical errors: result; the same command with --resume finds them" in err
+    assert "without numerical errors: result; the same command with --resume continues" in err
     assert names(tmp_path / "o") == ["result.nc"]
     kept = jp.Result.load(tmp_path / "o" / "result.nc")
     assert (kept.status, kept.certificate) == (Status.COMPLETED, None)

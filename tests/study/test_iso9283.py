@@ -315,6 +315,22 @@ def test_what_has_no_such_figures_is_refused(arm, make, count, says):
         iso9283(make(arm), count)
 
 
+def test_interrupted_before_a_cycle_is_done_the_command_leaves_no_folder(
+    arm, tmp_path, monkeypatch, capsys
+):
+    def told(*_, **__):
+        assert (tmp_path / "out" / "cycles").is_dir()
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("jointplay.base.files.written", [])
+    monkeypatch.setattr("jointplay.study.study.Study.outcomes", told)
+    order = ["study", "iso9283", str(arm), "--joint", "a", "--duration", "0.1", "--quiet"]
+    before = sorted(tmp_path.iterdir())
+    assert main([*order, "--tool", "tool", "--out", str(tmp_path / "out")]) == 130
+    assert "interrupted; nothing was written" in capsys.readouterr().err
+    assert sorted(tmp_path.iterdir()) == before
+
+
 @pytest.mark.usefixtures("checked_figures")
 def test_the_command_writes_table_figures_and_goes_on(arm, tmp_path, capsys):
     motion = tmp_path / "motion.csv"

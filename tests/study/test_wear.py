@@ -309,6 +309,19 @@ pin = [0, "1.5 rad"]
 """
 
 
+def test_command_takes_the_clearance_with_the_joint(capsys):
+    command = ["study", "wear", "scara", "--quiet", "--jobs", "1", "--cycles", "1e5"]
+    command += ["--blocks", "1", "--joint"]
+    assert main([*command, "joint_b"]) == 2
+    said = capsys.readouterr().err
+    assert "nothing has play: give --set 'joints.NAME.radial_clearance" in said
+    assert main([*command, "joint_b=0.1mm"]) == 2
+    assert "joint 'joint_b' has no wear rate: give --set" in capsys.readouterr().err
+    rate = ["--set", "joints.joint_b.wear_rate=1e-14", "--set", "integration.duration=0.05"]
+    assert main([*command, "joint_b=0.1mm", *rate]) == 0
+    assert "After 100000 cycles the clearance of 'joint_b' has grown" in capsys.readouterr().out
+
+
 def test_command_estimates_and_writes(urdf, tmp_path, monkeypatch, capsys):
     urdf(body("arm"), joint("pin", "base", "arm"))
     (tmp_path / "s.toml").write_text(SCENARIO)

@@ -109,22 +109,34 @@ class MissingName(JointplayError):
 class NothingHasPlay(JointplayError):
     """A computation about play was asked for, and no joint has any; `joints` could have some.
 
-    `preset`: name of the robot's own preset, if it has one.
+    Args:
+        joints: their names.
+        preset: name of the robot's own preset, if it has one.
+        takes_play: whether the command has options for play; without, only --set gives some.
+        where: as for all errors.
     """
 
-    def __init__(self, joints: Iterable[str], preset: str = "", where: Where = ()) -> None:
+    def __init__(
+        self,
+        joints: Iterable[str],
+        preset: str = "",
+        takes_play: bool = True,
+        where: Where = (),
+    ) -> None:
         self.joints = tuple(joints)
         public = f"--preset (what is publicly known of {preset}), " * bool(preset)
-        super().__init__(
-            f'nothing has play: give {public}--clearance "0.1 mm" (all joints that move the tool), '
-            '--joint NAME="0.1 mm" or --gear NAME="2 arcmin", in Python clearance or gears; '
-            f"joints: {', '.join(self.joints) or 'none'}",
-            where,
+        options = (
+            f'{public}--clearance "0.1 mm" (all joints that move the tool), '
+            '--joint NAME="0.1 mm" or --gear NAME="2 arcmin", in Python clearance or gears'
+            if takes_play
+            else "--set 'joints.NAME.radial_clearance=\"0.1 mm\"'"
         )
-        self._preset = preset
+        listed = ", ".join(self.joints) or "none"
+        super().__init__(f"nothing has play: give {options}; joints: {listed}", where)
+        self._given = preset, takes_play
 
     def __reduce__(self) -> tuple[type, tuple[object, ...]]:
-        return NothingHasPlay, (self.joints, self._preset, self.where)
+        return NothingHasPlay, (self.joints, *self._given, self.where)
 
 
 def require_known(

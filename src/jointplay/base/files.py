@@ -473,10 +473,7 @@ def claim(folder: str | Path, names: Iterable[str]) -> Path:
     """
     folder = Path(folder)
     with system_errors(f"cannot write to {str(folder)!r}"):
-        for level in [p for p in (*reversed(folder.parents), folder) if not p.exists()]:
-            with suppress(FileExistsError):
-                level.mkdir()
-                _new_folders.append(level)
+        make_folder(folder)
         if not folder.is_dir():
             raise JointplayError(f"{str(folder)!r} is a file; name a folder for the results")
         _lock(folder)
@@ -502,11 +499,27 @@ def _lock(folder: Path) -> None:
         _claimed[place] = descriptor
 
 
-def remove_made_folders() -> None:
-    """Remove the folders that `claim` has made and that are still empty."""
-    while _new_folders:
-        with suppress(OSError):
-            _new_folders.pop().rmdir()
+def make_folder(folder: Path) -> None:
+    """Make a folder for outputs and those above it, unless they exist.
+
+    Raises:
+        OSError: one cannot be made.
+    """
+    for level in [p for p in (*reversed(folder.parents), folder) if not p.exists()]:
+        with suppress(FileExistsError):
+            level.mkdir()
+            _new_folders.append(level)
+
+
+@contextmanager
+def removing_empty_folders() -> Iterator[None]:
+    """Remove, when the block ends, the folders of `make_folder` that are still empty."""
+    try:
+        yield
+    finally:
+        while _new_folders:
+            with suppress(OSError):
+                _new_folders.pop().rmdir()
 
 
 def empty(folder: Path) -> None:

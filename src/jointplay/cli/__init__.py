@@ -18,7 +18,7 @@ from itertools import zip_longest
 from types import ModuleType
 from typing import Any
 
-from jointplay.base import signals, streams
+from jointplay.base import files, signals, streams
 from jointplay.base.errors import JointplayError, NothingHasPlay, one_line
 from jointplay.base.imports import extra
 from jointplay.base.modules import import_module
@@ -144,9 +144,9 @@ _GARBAGE = (50_000, 20, 50)
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return the exit status.
 
-    0: done, also if interrupted once everything was computed, which is then saved. 1: the
-    simulation stopped early; what was done is kept. 2: wrong input. 3: an alarm of `identify`.
-    130: interrupted by Ctrl-C, SIGTERM or SIGHUP before all was computed; what was done is kept.
+    0: done, also if interrupted once all was computed, which is then saved. 1: the simulation
+    stopped early; what was done is kept. 2: wrong input. 3: an alarm of `identify`. 130:
+    interrupted by Ctrl-C, SIGTERM or SIGHUP before all was computed; what was done is kept.
     """
     with streams.forgiving() as output:
         try:
@@ -157,7 +157,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
             command = parser(next((word for word in typed if not word.startswith("-")), ""))
             options = command.parse_args(typed)
-            with signals.listening():
+            with signals.listening(), files.removing_empty_folders():
                 status = _command(command, options)
             output.finish()  # so that a failure to print raises here
             return status
@@ -201,7 +201,8 @@ def _command(parser: Parser, options: argparse.Namespace) -> int:
     except NothingHasPlay as error:
         from jointplay.cli.commands.inputs import own_preset
 
-        return _refuse(options, str(NothingHasPlay(error.joints, own_preset(options))))
+        needed = NothingHasPlay(error.joints, own_preset(options), hasattr(options, "clearance"))
+        return _refuse(options, str(needed))
     except JointplayError as error:
         return _refuse(options, str(error))
     except KeyboardInterrupt as error:
@@ -224,9 +225,6 @@ def _command(parser: Parser, options: argparse.Namespace) -> int:
 
 def _interrupted(lost: str) -> int:
     """Report an interrupt: what was given up (`lost`), and which files exist."""
-    from jointplay.base import files
-
-    files.remove_made_folders()
     parts = [lost] if lost else []
     if there := [path for path in files.written if path.exists()]:
         names = ", ".join(path.name for path in there)
@@ -237,9 +235,6 @@ def _interrupted(lost: str) -> int:
 
 
 def _refuse(options: argparse.Namespace, reason: str) -> int:
-    """Report why there are no results, and remove the folders that were made for them."""
-    from jointplay.base import files
-
-    files.remove_made_folders()
+    """Report why there are no results."""
     print(f"{' '.join(['jointplay', *options.path])}: error: {reason}", file=sys.stderr)
     return BAD_INPUT

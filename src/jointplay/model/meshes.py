@@ -67,7 +67,7 @@ Parts = tuple[Surface, ...]
 def write_meshes(folder: Path, meshes: Mapping[str, bytes]) -> None:
     """Write mesh files, by name, into `FOLDER` beside a robot's file in `folder`."""
     if meshes:
-        (folder / FOLDER).mkdir(exist_ok=True)
+        files.make_folder(folder / FOLDER)
     for name, content in meshes.items():
         files.write(folder / FOLDER / name, content, overwrite=True)
 

@@ -41,7 +41,7 @@ class Runs(Memory[Arrays]):
         self.recovery = f"the runs so far are in {str(path)!r}; the same command continues"
         inputs = {"inputs": json.loads(json.dumps(dict(about)))}
         with system_errors(f"cannot write {str(path)!r}"):
-            path.parent.mkdir(parents=True, exist_ok=True)
+            files.make_folder(path.parent)
             present = path.exists() and path.stat().st_size > 0
         if not present:
             self._rows = Rows.make(path, inputs, [Column(_VALUES, "TEXT")], _KIND)

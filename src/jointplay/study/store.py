@@ -220,7 +220,7 @@ class SweepStore:
 
             path = self.path / RESULTS / file_of(outcome.index)
             with files.system_errors(f"cannot write {str(path)!r}"):
-                path.parent.mkdir(exist_ok=True)
+                files.make_folder(path.parent)
             files.write(path, outcome.result, overwrite=True, announced=False)
             sealed = netcdf.seal_of(outcome.result)
         fields = {"status": outcome.status, "error": outcome.error, "result": sealed}

@@ -387,7 +387,7 @@ def named_joints(options: argparse.Namespace) -> dict[str, str | None]:
     """The joints of --joint, each with its clearance, fit or bearing if one is given."""
     from jointplay.physics.joints.bearings import is_designation
 
-    if not hasattr(options, "clearance"):  # then --joint is another option of the command
+    if not isinstance(getattr(options, "joint", None), list):  # the command's own --joint
         return {}
     return dict(name_and_number(entry, is_number=is_designation) for entry in options.joint)
 

@@ -13,10 +13,11 @@ from __future__ import annotations
 import argparse
 import shlex
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from jointplay.base import signals, streams
+from jointplay.base import files, signals, streams
 from jointplay.base.errors import require_whole
 from jointplay.base.progress import printing
 from jointplay.base.signals import INTERRUPTED
@@ -25,6 +26,9 @@ from jointplay.cli.commands import MORE, first_notes, given, inputs, print_json
 from jointplay.cli.commands.inputs import is_scenario, scenario_of
 from jointplay.cli.options import FLAG, REPEATED, STOPPED, Parser, listed
 from jointplay.study.cases import Cases, check_output_folder
+
+REVIEWS = {"converge": "convergence study", "laws": "comparison of laws", "ensemble": "ensemble"}
+"""Names of the studies for reviewers, by option."""
 
 if TYPE_CHECKING:
     from jointplay.scenario import Scenario
@@ -93,33 +97,35 @@ def run(options: argparse.Namespace) -> int:
     streams.release()
     stopped = cases.run()
     drawable = {name: result for name, result in cases.results.items() if len(result.time) > 1}
-    if cases.figures and drawable:
-        short = len(cases.cases) == 1 and not options.figures
-        plots.save(drawable, cases.out, options.pdf, short)
-    if options.json:
-        print_json(options, cases.data())
-    print(_ending(cases, options.detail))
-    if not stopped:
-        _review(cases, options)
-    return _status(cases, stopped)
+    reviews = [(name, kind) for name in cases.cases for kind in REVIEWS if getattr(options, kind)]
+    try:
+        if cases.figures and drawable:
+            short = len(cases.cases) == 1 and not options.figures
+            plots.save(drawable, cases.out, options.pdf, short)
+        if options.json:
+            print_json(options, cases.data())
+        print(_ending(cases, options.detail))
+        while reviews and not stopped:
+            _review(cases, *reviews[0], options)
+            del reviews[0]
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt("; ".join(_left_out(reviews))) from None
+    return _status(cases, stopped, _left_out(reviews))
 
 
-def _review(cases: Cases, options: argparse.Namespace) -> None:
-    """The studies for reviewers, for each case: a table, and a PDF figure beside the result."""
-    from jointplay.base import files
-
-    kinds = [name for name in ("converge", "laws", "ensemble") if getattr(options, name)]
-    if not kinds:
-        return
+def _review(cases: Cases, name: str, kind: str, options: argparse.Namespace) -> None:
+    """A study for reviewers, of a case: a table, and a PDF figure beside the result."""
     from jointplay.show.plots.reviews import review
 
-    common = {"jobs": options.jobs, "progress": not options.quiet}
-    for name, case in cases.cases.items():
-        for kind in kinds:
-            answer, figure = review(kind, case.simulation, getattr(options, kind), **common)
-            path = cases.out / f"{case.path.stem}_{kind}.pdf"
-            files.picture(path, figure)
-            print(f"\n{name}, {kind}: {answer}\n{path}")
+    case, common = cases.cases[name], {"jobs": options.jobs, "progress": not options.quiet}
+    answer, figure = review(kind, case.simulation, getattr(options, kind), **common)
+    path = cases.out / f"{case.path.stem}_{kind}.pdf"
+    files.picture(path, figure)
+    print(f"\n{name}, {kind}: {answer}\n{path}")
+
+
+def _left_out(reviews: Sequence[tuple[str, str]]) -> list[str]:
+    return [f"the {REVIEWS[kind]} was not run" for kind in dict.fromkeys(k for _, k in reviews)]
 
 
 def _figures(scenario: Scenario, options: argparse.Namespace) -> list[str]:
@@ -191,8 +197,8 @@ def _ending(cases: Cases, detail: bool) -> str:
     return "\n".join(lines)
 
 
-def _status(cases: Cases, stopped: bool) -> int:
-    """The exit status; results that are missing are reported."""
+def _status(cases: Cases, stopped: bool, left_out: list[str]) -> int:
+    """The exit status; what an interrupt left out is reported, with `left_out`."""
     from jointplay.physics.kernel import Status
 
     results = cases.results
@@ -202,18 +208,14 @@ def _status(cases: Cases, stopped: bool) -> int:
         for name, result in results.items()
         if cases.cases[name].errors and result.status == Status.COMPLETED and not result.certificate
     ]
-    bare = [name for name in unjudged if cases.cases[name].errors == "certify"]
-    lacking = f"without numerical errors: {', '.join(unjudged)}"
     interrupted = any(result.status == Status.INTERRUPTED for result in results.values())
-    if interrupted or (stopped and missing + bare):
+    if interrupted or (stopped and (missing or unjudged or left_out)):
         present = ", ".join(cases.cases[name].path.name for name in results)
-        note = f"; there is {present}" if present else ""
-        note += f"; {lacking}" if unjudged else ""
-        note = f"; no result of: {', '.join(missing)}" if missing else note
-        print(f"interrupted{note}; the same command with --resume continues", file=sys.stderr)
+        parts = [f"no result of: {', '.join(missing)}" if missing else f"there is {present}"]
+        parts += [f"without numerical errors: {', '.join(unjudged)}"] if unjudged else []
+        parts = ["interrupted", *parts, *left_out, "the same command with --resume continues"]
+        print("; ".join(parts), file=sys.stderr)
         return INTERRUPTED
     if stopped:
         print(signals.SAVED, file=sys.stderr)
-        if unjudged:
-            print(f"{lacking}; the same command with --resume finds them", file=sys.stderr)
     return 0 if all(r.status == Status.COMPLETED for r in results.values()) else STOPPED

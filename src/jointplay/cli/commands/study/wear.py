@@ -27,7 +27,8 @@ def declare(parser: Parser) -> None:
     add("--runs", metavar="N", type=int, default=1, help="runs per block, perturbed at the start "
         "if there are several")
     add("--cycles-per-run", metavar="X", type=float, default=1, help="cycles in one run")
-    add("--joint", metavar="NAME", required=True, help="the joint whose wear is estimated")
+    add("--joint", metavar="NAME[=LENGTH]", nargs=1, required=True, help="the joint whose wear is "
+        "estimated, optionally with its radial clearance")
     asked = parser.add_mutually_exclusive_group(required=True)
     asked.add_argument("--growth", **LENGTH, help="growth of its clearance")
     asked.add_argument("--cycles", metavar="N", type=float, help="cycles done")
@@ -41,10 +42,12 @@ def run(options: argparse.Namespace) -> int:
 
     if options.out:
         files.check_new(options.out)
+    ((joint, clearance),) = inputs.named_joints(options).items()
+    options.joint = options.joint if clearance else []  # else the scenario's clearance counts
     simulation, assumed = simulation_of(options)
     life = wear(
         simulation,
-        options.joint,
+        joint,
         options.growth,
         **given(options, "cycles", "blocks", "runs", "cycles_per_run", "jobs"),
         progress=not options.quiet,
