@@ -303,6 +303,8 @@ def test_answer_picture_and_three_charts_come_first_the_rest_is_folded(
         text = tab.inner_text("#at-a-glance")
         assert f"in {', '.join(TURNING[:number])} puts the tool" in text
         assert tab.locator("#at-a-glance img").count() == 1
+        for chart in (charts[0], charts[2]):  # sizes, from zero up
+            assert tab.evaluate(f"document.getElementById('{chart}').plots[0].up.range[0]") == 0.0
         # Assumed values are on the first screen; their effects unfold by one key, at that width.
         assert tab.locator("#at-a-glance h3", has_text="assumed").bounding_box()["y"] < 900
         unfold = tab.locator("#at-a-glance summary", has_text="what others would change")

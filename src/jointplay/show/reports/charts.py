@@ -78,7 +78,8 @@ class Charts:
 
         def axis(shown: Axis) -> dict[str, Any]:
             rows = None if shown.rows is None else list(shown.rows)
-            return {"label": shown.name, "unit": shown.shown[1], "log": shown.log, "rows": rows}
+            look = {"log": shown.log, "rows": rows, "zero": shown.low == 0.0}
+            return {"label": shown.name, "unit": shown.shown[1], **look}
 
         panels = []
         for panel in graph.panels:

@@ -65,7 +65,9 @@ def glance(runs: Runs) -> Iterator[Part]:
     yield from shortened(Points([sentence for _, sentence in answers]), "case")
     caption = f"Tool errors are {AGAINST}{runs.since}"
     grid = runs.by_case(lambda case: _figures(runs, case), caption=caption, name="glance")
-    yield Beside([column for column in ([grid], [*_assumed(runs)], _picture(runs)) if column])
+    # Beside a wide table the other two stand one below the other.
+    others = [column for column in ([*_assumed(runs)], _picture(runs)) if column]
+    yield Beside([[grid], [Beside(others)]] if others else [[grid]])
     warnings = [
         markup('{} <strong class="warn">Warning:</strong> {}.', case, warning)
         for case in runs.cases
@@ -121,6 +123,7 @@ def _heaviest(runs: Runs) -> Iterator[Part]:
     carries = ", which carries most" if len({j for _, j in runs.places}) > 1 else ""
     items = [(case.label, runs.detailed[case.label], case.colour) for case in cases]
     force = figures.over(items, "forces", "total", joint).styled(width=0.8).renamed("contact force")
+    force = replace(force, y=replace(force.y, low=0.0))
     title = f"Centre in the bearing of {joint}{carries}, with its clearance"
     yield from _graph(runs, "first_orbit", title, orbits)
     yield from _graph(runs, "first_force", f"Contact force in {joint}{carries}", [force])
