@@ -472,7 +472,7 @@ def test_that_a_base_is_held_is_said_of_what_is_no_arm(tmp_path, capsys):
 def test_a_robot_without_play_is_told_how_to_give_it_some(capsys):
     status, _, error = command(["study", "wear", "ur5", "--joint=a", "--growth=1um"], capsys)
     assert status == 2
-    assert 'give --clearance "0.1 mm" (all joints that move the tool), --joint NAME' in error
+    assert "give --set 'joints.NAME.radial_clearance=\"0.1 mm\"'" in error
     assert "elbow_joint" in error
     assert error.count("\n") == 1
 
