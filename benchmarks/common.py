@@ -5,7 +5,6 @@ import csv
 import functools
 import importlib.util
 import sys
-import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -87,15 +86,20 @@ def ideal_tool(loaded: bool) -> np.ndarray:
     return Case(radial=0.0, loaded=loaded).simulation().run()["tool_position"].values
 
 
+def completed(result: jp.Result) -> jp.Result:
+    """The result; refused if its run failed, since that must not enter a mean."""
+    if result.status != jp.Status.COMPLETED:
+        raise jp.JointplayError(result.message)
+    return result
+
+
 def measure(case: Case, seed: int | None, **options: Any) -> dict[str, float]:
     """Run once and reduce the run to its figures, as the study judges them, at joint B.
 
     Options are of the simulation.
     """
     simulation = replace(case.simulation(seed, **options), judge_from=JUDGED_FROM_S)
-    with warnings.catch_warnings():
-        warnings.simplefilter("error", RuntimeWarning)  # a run that fails must not enter a mean
-        result = simulation.run()
+    result = completed(simulation.run())
     judged = result.time >= result.judge_from
     away = result["tool_position"].values - ideal_tool(case.loaded)
     away = 1e3 * np.linalg.norm(away[judged], axis=1)

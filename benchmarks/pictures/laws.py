@@ -14,7 +14,6 @@ and a picture for each law, and one that compares all.
 import ctypes
 import json
 import math
-import warnings
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -25,6 +24,7 @@ from common import (
     RECORD_INTERVAL,
     Ensemble,
     command,
+    completed,
     ensembles,
     folder_of,
     ideal_tool,
@@ -362,10 +362,8 @@ def _scale(name):
 
 def measure(trial, seed):
     """Run once and reduce the run to its figures."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("error", RuntimeWarning)  # a run that fails must not enter a mean
-        simulation = trial.simulation(seed)
-        result = simulation.run()
+    simulation = trial.simulation(seed)
+    result = completed(simulation.run())
     audit = result.audit
     judged = result.time >= result.judge_from * (1 - 1e-9)
     force = result["joint_force_peak"].values[:, 0]

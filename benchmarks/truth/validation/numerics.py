@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import math
 import time
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise, product
 
 import numpy as np
-from common import COLOURS, MARKERS, Case, new_figure
+from common import COLOURS, MARKERS, Case, completed, new_figure
 from robots import FREE, body, flying, joint, urdf
 from scipy import stats
 from scipy.optimize import brentq
@@ -543,9 +542,7 @@ FIGURES = {
 def figures_of(job: tuple[int, float, float]) -> list[float]:
     """Run the SCARA once: seed, clearance [m], duration [s]."""
     seed, play, duration = job
-    with warnings.catch_warnings():
-        warnings.simplefilter("error", RuntimeWarning)
-        result = Case(radial=play, axial=play).simulation(seed, duration=duration).run()
+    result = completed(Case(radial=play, axial=play).simulation(seed, duration=duration).run())
     return [float(function(result)) for function in FIGURES.values()]
 
 
